@@ -12,6 +12,7 @@ prints what.
 
 from __future__ import annotations
 
+import argparse
 import copy
 import hashlib
 import json
@@ -224,7 +225,13 @@ def answers() -> dict[str, Any]:
 
 def main() -> int:
     """Write, or compare."""
-    file, values = Path(sys.argv[1]), "--values" in sys.argv[2:]
+    parser = argparse.ArgumentParser(description="Compare answers with stored ones.")
+    parser.add_argument("file", type=Path, help="stored answers; written if not there")
+    parser.add_argument(
+        "--values", action="store_true", help="series, numbers and exit codes alone"
+    )
+    arguments = parser.parse_args()
+    file, values = arguments.file, arguments.values
     now = json.loads(json.dumps(answers()))
     if not file.exists():
         file.write_text(json.dumps(now, indent=1, ensure_ascii=False))

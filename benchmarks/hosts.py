@@ -62,14 +62,14 @@ def by_fmpy(fmu: Path) -> dict[str, float]:
         for v in described.modelVariables
         if v.causality == "output" and v.type in ("Real", "Float64")
     ]
-    made = fmpy.simulate_fmu(
+    rows = fmpy.simulate_fmu(
         str(fmu),
         stop_time=float(STEPS),
         step_size=1.0,
         output_interval=1.0,
         output=outputs,
     )
-    last = made[-1]
+    last = rows[-1]
     return {key: x for n in outputs for key, x in _elements(n, last[n])}
 
 
@@ -98,11 +98,11 @@ def alone(fmu: Path, folder: Path) -> Path:
         f'</ssd:System><ssd:DefaultExperiment startTime="0" stopTime="{STEPS}"/>'
         "</ssd:SystemStructureDescription>"
     )
-    made = folder / f"{fmu.stem}.ssp"
-    with zipfile.ZipFile(made, "w") as archive:
+    archive_path = folder / f"{fmu.stem}.ssp"
+    with zipfile.ZipFile(archive_path, "w") as archive:
         archive.writestr("SystemStructure.ssd", text)
         archive.write(fmu, f"resources/{fmu.name}")
-    return made
+    return archive_path
 
 
 def reals(fmu: Path) -> dict[str, int]:
@@ -145,7 +145,7 @@ def by_libcosim(fmu: Path) -> dict[str, float]:
     from libcosimpy.CosimSlave import CosimLocalSlave
 
     log_output_level(CosimLogLevel.ERROR)
-    wanted = reals(fmu)
+    references = reals(fmu)
     execution = CosimExecution.from_step_size(1_000_000_000)
     execution.add_local_slave(CosimLocalSlave(fmu_path=str(fmu), instance_name="it"))
     observer = CosimObserver.create_last_value()
@@ -156,8 +156,8 @@ def by_libcosim(fmu: Path) -> dict[str, float]:
     (info,) = execution.slave_infos()
     return dict(
         zip(
-            wanted,
-            observer.last_real_values(info.index, list(wanted.values())),
+            references,
+            observer.last_real_values(info.index, list(references.values())),
             strict=True,
         )
     )
@@ -200,10 +200,10 @@ def by_c(fmu: Path) -> None:
             check=False,
         )
     if done.returncode != 0:
-        said = (done.stdout + done.stderr).strip().splitlines() or [
+        messages = (done.stdout + done.stderr).strip().splitlines() or [
             f"ended by {done.returncode}"
         ]
-        raise RuntimeError(said[0].rpartition(": ")[2])
+        raise RuntimeError(messages[0].rpartition(": ")[2])
 
 
 HOSTS = {
@@ -225,21 +225,21 @@ def child(host: str, fmus: list[str]) -> None:
     """In the process of a host: a line for each FMU."""
     for name in fmus:
         try:
-            told: dict[str, Any] = {"outputs": HOSTS[host](Path(name))}
+            outcome: dict[str, Any] = {"outputs": HOSTS[host](Path(name))}
         except Exception as error:  # whatever a host raises is what is told
-            told = {
+            outcome = {
                 "why": (str(error).strip().splitlines() or [type(error).__name__])[0]
             }
-        print("TOLD " + json.dumps({"fmu": name, **told}), flush=True)
+        print("TOLD " + json.dumps({"fmu": name, **outcome}), flush=True)
 
 
 def tried(host: str, fmus: list[Path]) -> dict[str, Any]:
     """What a host makes of FMUs, by name."""
-    told: dict[str, Any] = {}
-    left = [str(p) for p in fmus]
-    while left:
+    outcomes: dict[str, Any] = {}
+    remaining_fmus = [str(p) for p in fmus]
+    while remaining_fmus:
         done = subprocess.run(
-            [sys.executable, "-m", "benchmarks.hosts", "--host", host, *left],
+            [sys.executable, "-m", "benchmarks.hosts", "--host", host, *remaining_fmus],
             capture_output=True,
             text=True,
             check=False,
@@ -249,13 +249,13 @@ def tried(host: str, fmus: list[Path]) -> dict[str, Any]:
             json.loads(x[5:]) for x in done.stdout.splitlines() if x.startswith("TOLD ")
         ]
         for line in lines:
-            told[Path(line.pop("fmu")).stem] = line
-        left = left[len(lines) :]
-        if left:
-            told[Path(left.pop(0)).stem] = {
+            outcomes[Path(line.pop("fmu")).stem] = line
+        remaining_fmus = remaining_fmus[len(lines) :]
+        if remaining_fmus:
+            outcomes[Path(remaining_fmus.pop(0)).stem] = {
                 "why": f"ends the process ({done.returncode})"
             }
-    return told
+    return outcomes
 
 
 # --- the table ------------------------------------------------------------------------
@@ -273,12 +273,12 @@ def main() -> None:
     for kind, host in track(
         cells, "hosts", transient=True, disable=not sys.stderr.isatty()
     ):
-        if why := NOT_FOR.get((host, kind)) or _missing(host):
-            found[kind, host] = why
+        if reason := NOT_FOR.get((host, kind)) or _missing(host):
+            found[kind, host] = reason
             continue
-        told = tried(host, files(kind))
+        outcomes = tried(host, files(kind))
         alike = 0
-        for name, line in told.items():
+        for name, line in outcomes.items():
             if "why" in line:
                 failures[
                     host, kind, re.sub(r"\b" + name + r"\b", "NAME", line["why"])
@@ -291,17 +291,21 @@ def main() -> None:
                 alike += 1
             else:
                 failures[host, kind, "other values"].append(name)
-        found[kind, host] = f"{alike} of {len(told)}"
+        found[kind, host] = f"{alike} of {len(outcomes)}"
     for kind, called in KINDS.items():
         rows.append(
             f"| {called} | " + " | ".join(found[kind, host] for host in HOSTS) + " |"
         )
-    said = [
-        f"- {host}, {KINDS[kind]}: {why}: "
-        + (", ".join(which) if len(which) < 6 else f"{len(which)} blocks")
-        for (host, kind, why), which in failures.items()
+    failure_lines = [
+        f"- {host}, {KINDS[kind]}: {reason}: "
+        + (
+            ", ".join(block_names)
+            if len(block_names) < 6
+            else f"{len(block_names)} blocks"
+        )
+        for (host, kind, reason), block_names in failures.items()
     ]
-    write(rows, said)
+    write(rows, failure_lines)
 
 
 def same(some: dict[str, float], others: dict[str, Any]) -> bool:
@@ -324,7 +328,7 @@ def _missing(host: str) -> str:
     )
 
 
-def write(rows: list[str], said: list[str]) -> None:
+def write(rows: list[str], failure_lines: list[str]) -> None:
     """Put the table between its marks on the page."""
     versions = ", ".join(
         f"{name} {version(name)}"
@@ -345,7 +349,7 @@ def write(rows: list[str], said: list[str]) -> None:
         "|---" * (len(HOSTS) + 1) + "|",
         *rows,
         "",
-        *said,
+        *failure_lines,
         END,
     ]
     text = PAGE.read_text(encoding="utf-8")

@@ -255,7 +255,7 @@ class Row:
     loop_duty: float
 
 
-def beside(
+def compare_model_with_loop(
     craft: Craft, multiples: Sequence[float], stop: float | None
 ) -> tuple[float, list[Row]]:
     """The least rod (A m2), and the model beside the closed loop at multiples of it."""
@@ -268,19 +268,20 @@ def beside(
     least = least_by_programme(reach(flight, hardware), torque)
     law = law_of(system.components["manager"])
     rods = [k * least for k in multiples]
-    made = fly([track_of(flight, law, hardware)], law, hardware, rods)
+    model_map = fly([track_of(flight, law, hardware)], law, hardware, rods)
     rows = []
     for k, rod in enumerate(rods):
         model = SizingPoint(law.name, rod, multiples[k], None, None, None, None)
-        flown = in_the_loop(model, source, options)
-        assert flown.loop_duty is not None
+        loop_point = in_the_loop(model, source, options)
+        assert loop_point.loop_duty is not None
         rows.append(
             Row(
                 multiples[k],
-                float(made.rms[0, 0, k] / (flown.loop_rms or inf)) - 1.0,
-                float(made.largest[0, 0, k] / (flown.loop_largest or inf)) - 1.0,
-                float(made.duty[0, 0, k]),
-                flown.loop_duty,
+                float(model_map.rms[0, 0, k] / (loop_point.loop_rms or inf)) - 1.0,
+                float(model_map.largest[0, 0, k] / (loop_point.loop_largest or inf))
+                - 1.0,
+                float(model_map.duty[0, 0, k]),
+                loop_point.loop_duty,
             )
         )
     return least, rows
@@ -415,7 +416,7 @@ def estimated(craft: Craft) -> Array:
 def unseen(count: int) -> Iterator[dict[str, Any]]:
     """The crafts by the seed, each beside its closed loops."""
     for craft in track(drawn(count), "unseen crafts"):
-        least, rows = beside(craft, MULTIPLES, None)
+        least, rows = compare_model_with_loop(craft, MULTIPLES, None)
         yield {"craft": craft, "least": least, "rows": rows, "held": held(rows)}
 
 
@@ -477,12 +478,12 @@ def speed() -> dict[str, float]:
     """Seconds of a map of 600 crafts on two cores, of their work, and of one rod of the
     model."""
     begin, worked = time.perf_counter(), _worked()
-    made = sizing_map.map_of(
+    craft_map = sizing_map.map_of(
         BASE, TWELVE.options(20000.0), sizing_map.MapAxes(), SizingRequirements(), 2
     )
-    whole, work = time.perf_counter() - begin, _worked() - worked
+    elapsed, work = time.perf_counter() - begin, _worked() - worked
     (DOCS / "sizing.svg").write_text(
-        sizing_page.heat_map(made, 0).svg() + "\n", encoding="utf-8"
+        sizing_page.heat_map(craft_map, 0).svg() + "\n", encoding="utf-8"
     )
     case = prepare(BASE, TWELVE.options())
     system, _ = case.or_raise()
@@ -498,7 +499,7 @@ def speed() -> dict[str, float]:
             np.geomspace(0.01, 1.0, count).tolist(),
         )
         times[str(count)] = time.perf_counter() - begin
-    return {"map": whole, "work": work, **times}
+    return {"map": elapsed, "work": work, **times}
 
 
 def _worked() -> float:
@@ -519,7 +520,7 @@ class DrawnCraft:
     """A craft of `desat new craft`, drawn by a seed, and what became of what `size`
     said of it."""
 
-    wanted: CraftFacts
+    facts: CraftFacts
     rod: float
     """its own, A m2"""
     least: float
@@ -533,49 +534,51 @@ class DrawnCraft:
     """what `size` has against 0.7 of the least rods"""
 
 
-def drawn_wanted(seed: int) -> CraftFacts:
+def draw_craft_facts(seed: int) -> CraftFacts:
     """1U to 200 kg, 350 to 900 km, Sun-synchronous or of any inclination, nadir or
     inertial."""
     draw = random.Random(seed)
-    given: dict[str, str] = {}
+    options: dict[str, str] = {}
     if draw.random() < 2.0 / 3.0:
-        given["size"] = f"{draw.choice(tuple(CUBESATS))}U"
+        options["size"] = f"{draw.choice(tuple(CUBESATS))}U"
     else:
         mass = 10.0 ** draw.uniform(log10(30.0), log10(200.0))
         side = (mass / 250.0) ** (1.0 / 3.0)
-        given["mass"] = f"{mass:.1f}kg"
-        given["box"] = ",".join(
+        options["mass"] = f"{mass:.1f}kg"
+        options["box"] = ",".join(
             f"{side * draw.uniform(0.7, 1.4):.3f}" for _ in range(3)
         )
     if draw.random() < 0.4:
-        given["sso"] = f"{draw.uniform(400.0, 900.0):.3f}km"
+        options["sso"] = f"{draw.uniform(400.0, 900.0):.3f}km"
     else:
-        given["altitude"] = f"{draw.uniform(350.0, 900.0):.3f}km"
-        given["inclination"] = f"{draw.uniform(5.0, 98.0):.2f}deg"
+        options["altitude"] = f"{draw.uniform(350.0, 900.0):.3f}km"
+        options["inclination"] = f"{draw.uniform(5.0, 98.0):.2f}deg"
     if draw.random() < 0.3:
-        given["pointing"] = "inertial"
-    return CraftFacts(**given)  # type: ignore[arg-type]
+        options["pointing"] = "inertial"
+    return CraftFacts(**options)  # type: ignore[arg-type]
 
 
 def drawn_craft(seed: int, into: Path) -> DrawnCraft:
     """What `size` recommends for a drawn craft, tried."""
-    folder, wanted = into / f"craft{seed}", drawn_wanted(seed)
-    new_craft.write(folder, wanted, "desat new craft")
+    folder, facts = into / f"craft{seed}", draw_craft_facts(seed)
+    new_craft.write(folder, facts, "desat new craft")
     wishes = SizingRequirements(laws=False)
 
     def sized(rod: float) -> list[str]:
-        given = Options(values={"torquers.m_limit": rod})
-        return list(sizing.size(str(folder), given, wishes).problems)
+        options = Options(values={"torquers.m_limit": rod})
+        return list(sizing.size(str(folder), options, wishes).problems)
 
-    made = sizing.size(str(folder), Options(), wishes)
-    least, rod = max(made.least, made.least_year), made.recommended
+    result = sizing.size(str(folder), Options(), wishes)
+    least, rod = max(result.least, result.least_year), result.recommended
     accepted: list[str] = []
     worst: list[str] = []
     if rod is not None:
         accepted = sized(rod)
-        given = Options(values={"torquers.m_limit": rod})
-        worst = execute(str(folder / WORST), given).manifest.not_met
-    return DrawnCraft(wanted, made.rod, least, rod, accepted, worst, sized(0.7 * least))
+        recommended_rods = Options(values={"torquers.m_limit": rod})
+        worst = execute(str(folder / WORST), recommended_rods).manifest.not_met
+    return DrawnCraft(
+        facts, result.rod, least, rod, accepted, worst, sized(0.7 * least)
+    )
 
 
 BRAKES = (0.003, 0.0045, 0.006, 0.0075, 0.009, 0.011, 0.014, 0.02, 0.03)
@@ -587,23 +590,23 @@ def braked(seed: int, into: Path) -> tuple[float, float]:
     least of a sweep of gains."""
     folder = into / f"craft{seed}"
     if not folder.exists():
-        new_craft.write(folder, drawn_wanted(seed), "desat new craft")
+        new_craft.write(folder, draw_craft_facts(seed), "desat new craft")
     target = str(folder / "detumbling.toml")
     system, _ = prepare(target, Options()).or_raise()
     body = system.components["spacecraft"]
     mean = sum(body.values[f"inertia[{i},{i}]"] for i in (1, 2, 3)) / 3.0
-    own = system.components["manager"].values["gain"]
+    written_gain = system.components["manager"].values["gain"]
 
     def takes(gain: float) -> float:
-        given = Options(
+        options = Options(
             values={"manager.gain": gain},
             stop=40000.0,
             record=("spacecraft.omega_bi_body",),
         )
-        found = execute(target, given).manifest.numbers["detumbled"].value
+        found = execute(target, options).manifest.numbers["detumbled"].value
         return inf if found is None else found
 
-    own_time = takes(own)
+    own_time = takes(written_gain)
     return own_time, min(own_time, *(takes(k * mean) for k in BRAKES))
 
 
@@ -623,7 +626,7 @@ def _of_drawn(
 ) -> Iterator[str]:
     have = [c for c in crafts if c.recommended is not None]
     good = [c for c in have if not c.accepted and not c.worst]
-    quick = [own / best for own, best in brakes if best < inf]
+    quick = [written_time / best for written_time, best in brakes if best < inf]
     yield "## Crafts of `desat new craft`"
     yield ""
     yield (
@@ -637,7 +640,7 @@ def _of_drawn(
     yield "| craft | orbit | rods, A m2 | least, worst day | recommended | accepted, worst met |"
     yield "|---|---|---|---|---|---|"
     for c in crafts:
-        w = c.wanted
+        w = c.facts
         orbit = (
             f"{w.sso}, Sun-synchronous" if w.sso else f"{w.altitude}, {w.inclination}"
         )
@@ -664,12 +667,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--drawn", type=int, default=30, help="crafts of `desat new craft`"
     )
-    given = parser.parse_args(arguments)
-    found = list(unseen(given.crafts))
+    options = parser.parse_args(arguments)
+    found = list(unseen(options.crafts))
     good = sum(x["held"] for x in found)
     others = [(c, secular_of(c), estimated(c), dual(c)) for c in (TWELVE, AGILE)]
     text = _page(
-        found, list(papers()), list(chosen()), others, speed(), new_crafts(given.drawn)
+        found,
+        list(papers()),
+        list(chosen()),
+        others,
+        speed(),
+        new_crafts(options.drawn),
     )
     (DOCS / "sizing.md").write_text(text, encoding="utf-8")
     print(
@@ -680,7 +688,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _page(
     found: Sequence[dict[str, Any]],
-    made: Sequence[Any],
+    paper_results: Sequence[Any],
     laws: Sequence[ranking.Ranking],
     others: Sequence[Any],
     took: dict[str, float],
@@ -719,21 +727,21 @@ def _page(
         "recommended | wheels need / have, mN m s | dump of the start, detumbling |",
         "|---|---|---|---|---|---|---|",
     ]
-    for (name, _, paper, has), m in made:
+    for (name, _, paper, has), m in paper_results:
         rod = "none" if m.recommended is None else f"{m.recommended:.3g} ({m.law})"
-        room = (
+        capacity_text = (
             "no limit" if m.wheel_capacity == inf else f"{1e3 * m.wheel_capacity:.4g}"
         )
         lines.append(
             f"| `{name}` ({paper}) | {has} | {1e6 * float(np.linalg.norm(m.secular)):.3g} | "
-            f"{m.least:.3g} | {rod} | {1e3 * m.wheel_needed:.3g} / {room} | "
+            f"{m.least:.3g} | {rod} | {1e3 * m.wheel_needed:.3g} / {capacity_text} | "
             f"{m.start_dump / 60.0:.3g} min, {m.detumbling / 3600.0:.3g} h |"
         )
     lines += [
         "",
         *(
-            f"- `{name}`: {m.answer.removeprefix(name + ': ')} {_why(name, m)}".rstrip()
-            for (name, *_), m in made
+            f"- `{name}`: {m.answer.removeprefix(name + ': ')} {_explain_hardware(name, m)}".rstrip()
+            for (name, *_), m in paper_results
         ),
     ]
     lines += ["", *_law_by_law(laws)]
@@ -761,40 +769,46 @@ def _law_by_law(laws: Sequence[ranking.Ranking]) -> Iterator[str]:
     yield _LAWS
     yield f"| scenario | law | {' | '.join(units)} | not dominated | requirements |"
     yield "|---" * (len(names) + 4) + "|"
-    for made in laws:
-        for k, e in enumerate(made.ranked):
-            told = dict(
-                zip((c.title for c in made.by), map(number, e.values), strict=True)
+    for law_ranking in laws:
+        for k, e in enumerate(law_ranking.ranked):
+            values_by_title = dict(
+                zip(
+                    (c.title for c in law_ranking.by),
+                    map(number, e.values),
+                    strict=True,
+                )
             )
-            cells = " | ".join(told.get(name, "") for name in names)
-            name = f"`{made.target}`" if not k else ""
+            cells = " | ".join(values_by_title.get(name, "") for name in names)
+            name = f"`{law_ranking.target}`" if not k else ""
             yield (
                 f"| {name} | {e.label} | {cells} | {'yes' if e.front else ''} | "
                 f"{'not met' if e.not_met else 'met'} |"
             )
     yield ""
-    for made in laws:
-        (own,) = [e for e in made.ranked if e.law.is_own]
-        c, first = made.by[0], made.ranked[0]
-        rest = "" if own is first else f", {first.name} {number(first.values[0])}"
+    for law_ranking in laws:
+        (own_law,) = [e for e in law_ranking.ranked if e.law.is_own]
+        c, first = law_ranking.by[0], law_ranking.ranked[0]
+        rest = "" if own_law is first else f", {first.name} {number(first.values[0])}"
         better = [
             e.name
-            for e in made.ranked
-            if e is not own
-            and all(a <= b for a, b in zip(e.values, own.values, strict=True))
+            for e in law_ranking.ranked
+            if e is not own_law
+            and all(a <= b for a, b in zip(e.values, own_law.values, strict=True))
         ]
         beaten = f"; better in all: {', '.join(better)}" if better else ""
-        alone = ": no other law of ours fits it" if len(made.ranked) == 1 else ""
-        why = _CHOSEN[made.target.partition("/")[0]]
+        alone = ": no other law of ours fits it" if len(law_ranking.ranked) == 1 else ""
+        reason = _CHOSEN[law_ranking.target.partition("/")[0]]
         yield (
-            f"- `{made.target}`: {c.title} by {own.name}, its own, {number(own.values[0])} "
-            f"{c.unit}{rest}{beaten}{alone}. {why}"
+            f"- `{law_ranking.target}`: {c.title} by {own_law.name}, its own, {number(own_law.values[0])} "
+            f"{c.unit}{rest}{beaten}{alone}. {reason}"
         )
 
 
-def _why(name: str, made: Sizing) -> str:
+def _explain_hardware(name: str, result: Sizing) -> str:
     """Why a paper's craft has what it has, where its disturbances ask for less."""
-    given = flights.values_of(prepare(name, Options()).or_raise()[0])["manager"]
+    manager_values = flights.values_of(prepare(name, Options()).or_raise()[0])[
+        "manager"
+    ]
     family = name.partition("/")[0]
     if family == "uosat12":
         alone = flights.values_of(
@@ -802,14 +816,14 @@ def _why(name: str, made: Sizing) -> str:
         )
         return (
             "Nadir pointing without disturbances but gravity: the rods are for dumping. At their "
-            f"limits they take the start's {1e3 * made.start_momentum:.0f} mN m s out in "
-            f"{made.start_dump:.0f} s at least in the worst direction; the paper gives coils alone "
+            f"limits they take the start's {1e3 * result.start_momentum:.0f} mN m s out in "
+            f"{result.start_dump:.0f} s at least in the worst direction; the paper gives coils alone "
             f"{alone['manager']['horizon']:.0f} s."
         )
     if family == "hausat2":
         return (
-            f"The wheel is a bias of {1e3 * given['h_nominal']:.0f} mN m s, "
-            f"{100.0 * given['h_nominal'] / made.wheel_capacity:.0f} % of it; disturbances add "
+            f"The wheel is a bias of {1e3 * manager_values['h_nominal']:.0f} mN m s, "
+            f"{100.0 * manager_values['h_nominal'] / result.wheel_capacity:.0f} % of it; disturbances add "
             "little, and the rods are for detumbling and start-up."
         )
     return {

@@ -42,7 +42,7 @@ Array = NDArray[np.float64]
 HERE = Path(__file__).parent
 BASILISK = HERE.parent / ".venv-basilisk" / "bin" / "python"
 STORED = HERE.parent / "tests" / "authorities" / "witness.npz"
-TOLD = STORED.with_suffix(".json")
+STORED_SUMMARY = STORED.with_suffix(".json")
 DOCS = HERE.parent / "docs" / "witness.md"
 LAWS = "laws"
 CASES = {
@@ -115,20 +115,20 @@ def case_of(run: Run, every: int) -> dict[str, Any]:
     }
 
 
-def flown(
+def fly_basilisk(
     case: dict[str, Any], steps: Sequence[float] = STEPS
 ) -> list[dict[str, Array]]:
     """The trajectories of Basilisk, a step each."""
     with tempfile.TemporaryDirectory() as folder:
-        told = Path(folder) / "case.json"
-        told.write_text(json.dumps(case), encoding="utf-8")
+        case_file = Path(folder) / "case.json"
+        case_file.write_text(json.dumps(case), encoding="utf-8")
 
         def fly(step: float) -> dict[str, Array]:
             file = Path(folder) / f"{step}.npz"
             command = [
                 str(BASILISK),
                 str(HERE / "basilisk_loop.py"),
-                str(told),
+                str(case_file),
                 str(step),
                 str(file),
             ]
@@ -179,7 +179,7 @@ def measured(name: str, every: int) -> tuple[dict[str, Array], dict[str, Any]]:
     run = desat.run(f"nadir_day/witness-{name}")
     case = case_of(run, every)
     began = time.perf_counter()
-    flights = flown(case)
+    flights = fly_basilisk(case)
     seconds = time.perf_counter() - began
     for flight in flights:
         flight["q_bi"] = aligned(flight["q_bi"], flights[-1]["q_bi"])
@@ -211,11 +211,11 @@ def laws() -> tuple[dict[str, Array], dict[str, Any]]:
     case = case_of(run, every)
 
     def fly(**other: Any) -> dict[str, Array]:
-        return flown(case | other, STEPS[:1])[0]
+        return fly_basilisk(case | other, STEPS[:1])[0]
 
     mine, theirs = fly(), fly(laws="modules")
-    kept = {f"{LAWS}.{key}": theirs[key] for key in SERIES}
-    return kept, {
+    recorded_series = {f"{LAWS}.{key}": theirs[key] for key in SERIES}
+    return recorded_series, {
         "stop": case["stop"],
         "every": every,
         "step": STEPS[0],
@@ -236,19 +236,19 @@ def late() -> dict[str, float]:
     run = desat.run("nadir_day/witness-light")
     case = case_of(run, 1)
     (orderly,), (late,) = (
-        flown(case, STEPS[:1]),
-        flown(case | {"late": True}, STEPS[:1]),
+        fly_basilisk(case, STEPS[:1]),
+        fly_basilisk(case | {"late": True}, STEPS[:1]),
     )
     return apart(orderly, late)
 
 
-def drawn(kept: Mapping[str, Array]) -> str:
+def drawn(recorded_series: Mapping[str, Array]) -> str:
     """Angle to the wanted attitude and wheels' momentum by our laws and by Basilisk's."""
     run = desat.run(f"nadir_day/witness-{LAWS}")
     every = CASES[LAWS]
-    wanted = run.results.values("guidance.q_ref_bi")[::every]
+    reference_attitude = run.results.values("guidance.q_ref_bi")[::every]
     mine = {k: run.results.values(s)[::every] for k, s in SERIES.items()}
-    theirs = {k: kept[f"{LAWS}.{k}"] for k in SERIES}
+    theirs = {k: recorded_series[f"{LAWS}.{k}"] for k in SERIES}
     minutes = run.results.times()[::every] / 60.0
     flights = (
         (mine, COLOURS[0], "desat", ()),
@@ -260,26 +260,28 @@ def drawn(kept: Mapping[str, Array]) -> str:
     ):
         ax = fig.add(left=0.07 + 0.44 * i, right=0.57 - 0.44 * i, top=0.06, bottom=0.17)
         ax.x.label, ax.y.label, ax.y.log = "time [min]", label, i == 0
-        for flight, colour, who, dash in flights:
+        for flight, colour, program, dash in flights:
             y = (
                 1e3 * flight["h"]
                 if i
-                else pointing(flight["q_bi"][: len(wanted)], wanted)[:, None]
+                else pointing(
+                    flight["q_bi"][: len(reference_attitude)], reference_attitude
+                )[:, None]
             )
             for k, column in enumerate(y.T):
                 ax.plot(
                     minutes[: len(column)],
                     column,
                     colour,
-                    label=who if i and not k else "",
+                    label=program if i and not k else "",
                     dash=dash,
                 )
     return fig.svg()
 
 
-def page(told: Mapping[str, Any]) -> str:
+def page(summary: Mapping[str, Any]) -> str:
     """docs/witness.md of what is stored."""
-    about, laws, orbit = told["about"], told["laws"], told["orbits"]
+    about, laws, orbit = summary["about"], summary["laws"], summary["orbits"]
     exact = [
         f"| `{name}` | {c['stop']:g} s | "
         + " | ".join(
@@ -288,11 +290,11 @@ def page(told: Mapping[str, Any]) -> str:
         )
         + f" | {c['error']['attitude']:.1e}, {c['error']['momentum']:.1e}"
         f" | {c['basilisk'][str(STEPS[0])]['attitude']:.1e} |"
-        for name, c in told["cases"].items()
+        for name, c in summary["cases"].items()
     ]
     terms = [
-        f"| {text} | {left['attitude']:.1e} | {left['momentum']:.1e} |"
-        for text, left in (
+        f"| {text} | {remaining_error['attitude']:.1e} | {remaining_error['momentum']:.1e} |"
+        for text, remaining_error in (
             (text, laws["without"][term]) for term, text in TERMS.items()
         )
     ]
@@ -306,7 +308,7 @@ def page(told: Mapping[str, Any]) -> str:
         f"| {o['by_node'][0] / 1e3:.1f} to {o['by_node'][1] / 1e3:.1f} km |"
         for o in orbit
     ]
-    most = max(c["desat"]["64"]["attitude"] for c in told["cases"].values())
+    most = max(c["desat"]["64"]["attitude"] for c in summary["cases"].values())
     return PAGE.format(
         date=about["date"],
         basilisk=about["basilisk"],
@@ -314,7 +316,7 @@ def page(told: Mapping[str, Any]) -> str:
         most=most,
         steps=", ".join(map(str, STEPS)),
         exact="\n".join(exact),
-        late=told["late"]["attitude"],
+        late=summary["late"]["attitude"],
         late_step=STEPS[0],
         modules=laws["modules"],
         all_terms=laws["all_terms"],
@@ -386,7 +388,7 @@ same day.
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--write", action="store_true", help="replace what is stored")
-    given = parser.parse_args()
+    options = parser.parse_args()
     if not BASILISK.exists():
         print(
             "Basilisk is not installed here (make .venv-basilisk/.tried): nothing was compared"
@@ -397,9 +399,9 @@ def main() -> int:
     for name in track([c for c in CASES if c != LAWS], "Basilisk's loops"):
         best, cases[name] = measured(name, CASES[name])
         rows |= {f"{name}.{series}": best[series] for series in SERIES}
-    kept, of_laws = laws()
-    rows |= kept
-    told = {
+    law_series, of_laws = laws()
+    rows |= law_series
+    summary = {
         "about": {
             "date": datetime.now(UTC).date().isoformat(),
             "basilisk": "2.12.1",
@@ -413,7 +415,7 @@ def main() -> int:
     }
     beyond = []
     if STORED.exists():
-        before = json.loads(TOLD.read_text(encoding="utf-8"))["cases"]
+        before = json.loads(STORED_SUMMARY.read_text(encoding="utf-8"))["cases"]
         with np.load(STORED) as stored:
             for name, case in cases.items():
                 a, b = ({k: x[f"{name}.{k}"] for k in SERIES} for x in (stored, rows))
@@ -426,11 +428,13 @@ def main() -> int:
                     f"{moved['momentum']:.1e} N m s"
                 )
                 beyond += [name for k in moved if moved[k] > most[k]]
-    if given.write or not STORED.exists():
+    if options.write or not STORED.exists():
         np.savez_compressed(STORED, **rows)  # type: ignore[arg-type]
-        TOLD.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+        STORED_SUMMARY.write_text(
+            json.dumps(summary, indent=1) + "\n", encoding="utf-8"
+        )
         DOCS.with_suffix(".svg").write_text(drawn(rows), encoding="utf-8")
-        DOCS.write_text(page(told), encoding="utf-8")
+        DOCS.write_text(page(summary), encoding="utf-8")
     elif beyond:
         print(
             f"further from what is stored than both may err: {', '.join(sorted(set(beyond)))}"

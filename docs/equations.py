@@ -86,12 +86,12 @@ def _rows(line: str) -> list[str]:
         r"[,;]?  +(?=[^\s(=])", line[label.end() :] if label else line
     ):
         words = WORDS.search(part)
-        left = part[: words.start()] if words else part
+        equation_part = part[: words.start()] if words else part
         row = r"\quad " if depth or part.startswith(("+ ", "- ")) else ""
-        row += _Parser(left).whole()
+        row += _Parser(equation_part).parse()
         if words:
             row += (
-                r"\quad " if left.strip() else ""
+                r"\quad " if equation_part.strip() else ""
             ) + rf"\text{{{_text(words[0].strip(' ,'))}}}"
         rows.append(r"\displaystyle " + head + row)
         head = ""
@@ -121,11 +121,11 @@ class _Parser:
         self.at = 0
         self.bars = 0
 
-    def whole(self) -> str:
-        made = self.sequence()
+    def parse(self) -> str:
+        latex = self.sequence()
         if self.at < len(self.tokens):
             raise NoEquationError(str(self.tokens[self.at :]))
-        return made
+        return latex
 
     def peek(self, skip: bool = False) -> tuple[str, str]:
         i = self.at
@@ -140,7 +140,7 @@ class _Parser:
 
     def sequence(self) -> str:
         """Terms and signs up to a closing bracket, bar or the end."""
-        made: list[str] = []
+        latex: list[str] = []
         while True:
             kind, text = self.peek(skip=True)
             if kind in ("end", "close") or (
@@ -148,27 +148,27 @@ class _Parser:
             ):
                 while self.peek()[0] == "space":
                     self.at += 1
-                return " ".join(made)
+                return " ".join(latex)
             while self.peek()[0] == "space":
                 self.at += 1
             if kind == "sign" or text == "in":
                 self.take()
-                made.append(SIGNS[text])
+                latex.append(SIGNS[text])
             else:
-                made.append(self.term())
+                latex.append(self.term())
 
     def _closes(self) -> bool:
         """A bar closes where something of its inside stands right before it."""
         return bool(self.at) and self.tokens[self.at - 1][0] != "space"
 
     def term(self) -> str:
-        made = self.tight()
+        latex = self.tight()
         while True:
             kind, text = self.peek(skip=True)
             if kind in ("end", "close", "sign") or text == "in":
-                return made
+                return latex
             if kind == "bar" and self.bars and self._closes():
-                return made
+                return latex
             spaced = self.peek()[0] == "space"
             while self.peek()[0] == "space":
                 self.at += 1
@@ -176,18 +176,18 @@ class _Parser:
                 self.take()
                 while self.peek()[0] == "space":
                     self.at += 1
-                made = rf"\frac{{{_bare(made)}}}{{{_bare(self.tight())}}}"
+                latex = rf"\frac{{{_bare(latex)}}}{{{_bare(self.tight())}}}"
             elif kind == "kron":
                 self.take()
-                made += r" \otimes "
+                latex += r" \otimes "
             elif kind == "dot":
                 self.take()
-                made += r" \cdot "
+                latex += r" \cdot "
             elif text == "x" and spaced and self._is_cross():
                 self.take()
-                made += r" \times "
+                latex += r" \times "
             else:
-                made += ("" if made.endswith(" ") else r"\, ") + self.tight()
+                latex += ("" if latex.endswith(" ") else r"\, ") + self.tight()
 
     def _is_cross(self) -> bool:
         """An `x` between two factors, or at a bracket's end, is the cross product."""
@@ -197,27 +197,27 @@ class _Parser:
         )
 
     def tight(self) -> str:
-        made = self.factor()
+        latex = self.factor()
         while self.peek()[0] == "tight":
             self.take()
-            made = rf"\tfrac{{{made}}}{{{self.factor()}}}"
-        return made
+            latex = rf"\tfrac{{{latex}}}{{{self.factor()}}}"
+        return latex
 
     def factor(self) -> str:
         kind, text = self.take()
         if kind == "number":
-            made = re.sub(r"e(-?\d+)$", r" \\cdot 10^{\1}", text)
+            latex = re.sub(r"e(-?\d+)$", r" \\cdot 10^{\1}", text)
         elif kind == "words":
-            made = r"\text{on-time}"
+            latex = r"\text{on-time}"
         elif kind == "code":
-            made = r"\mathtt{" + text.strip("`").replace("_", r"\_") + "}"
+            latex = r"\mathtt{" + text.strip("`").replace("_", r"\_") + "}"
         elif kind == "name":
-            made = self.named(text)
+            latex = self.named(text)
         elif kind == "open":
-            made = self.group(text)
+            latex = self.group(text)
         elif kind == "bar":
             self.bars += 1
-            made = r"\left|" + self.sequence() + r"\right|"
+            latex = r"\left|" + self.sequence() + r"\right|"
             self.bars -= 1
             if self.take()[0] != "bar":
                 raise NoEquationError("|")
@@ -225,27 +225,27 @@ class _Parser:
             return "-" + self.factor()
         else:
             raise NoEquationError(text)
-        return made + self.after()
+        return latex + self.after()
 
     def after(self) -> str:
         """Primes, powers and subscripts of a factor."""
-        made = ""
+        latex = ""
         while True:
             kind, text = self.peek()
             if kind == "prime":
-                made += text
+                latex += text
                 self.take()
             elif kind == "power":
                 self.take()
-                made += "^{" + self.exponent() + "}"
+                latex += "^{" + self.exponent() + "}"
             elif text == "_":
                 self.take()
                 sub = self.factor()
-                made += (
+                latex += (
                     "_{" + (r"\perp" if sub == r"\mathrm{perp}" else _bare(sub)) + "}"
                 )
             else:
-                return made
+                return latex
 
     def exponent(self) -> str:
         kind, text = self.take()
@@ -255,19 +255,19 @@ class _Parser:
                 return text + self.take()[1]
             return text
         if kind == "open":
-            made = self.sequence()
+            latex = self.sequence()
             self.take()
-            return made
+            return latex
         if kind in ("number", "name"):
             return text
         raise NoEquationError(text)
 
     def group(self, opening: str) -> str:
-        made = self.sequence()
+        latex = self.sequence()
         kind, text = self.take()
         if kind != "close":
             raise NoEquationError("(")
-        return rf"{{\left{opening}{made}\right{text}}}"
+        return rf"{{\left{opening}{latex}\right{text}}}"
 
     def named(self, text: str) -> str:
         called = self.peek() == ("open", "(")
@@ -276,43 +276,51 @@ class _Parser:
             return name(text) + self.group("[")
         if text == "sqrt" and called:
             self.take()
-            made = self.sequence()
+            latex = self.sequence()
             self.take()
-            return rf"\sqrt{{{made}}}"
-        if text == "integral" or text == "int" or text.startswith("int_"):
-            return r"\int "
-        if text == "sum":
-            return r"\sum "
-        if text.startswith("sum_"):
-            return rf"\sum_{{{text[4:]}}} "
+            return rf"\sqrt{{{latex}}}"
+        sign = _integral_or_sum(text)
+        if sign:
+            return sign
         if text in FUNCTIONS:
-            made = rf"\{text}"
+            latex = rf"\{text}"
         elif text in OPERATORS and called:
-            made = rf"\operatorname{{{text}}}"
+            latex = rf"\operatorname{{{text}}}"
         else:
-            made = name(text)
+            latex = name(text)
         if called:
             self.take()
-            made += self.after() if made.startswith("\\operatorname") else ""
-            made += self.group("(")
+            latex += self.after() if latex.startswith("\\operatorname") else ""
+            latex += self.group("(")
         elif text in FUNCTIONS:
-            made += self.after()
+            latex += self.after()
             while self.peek()[0] == "space":
                 self.take()
-            made += " " + self.tight()
-        return made
+            latex += " " + self.tight()
+        return latex
 
 
-def _bare(made: str) -> str:
+def _integral_or_sum(text: str) -> str:
+    """Return the LaTeX of an integral or sum sign, or "" for another name."""
+    if text == "integral" or text == "int" or text.startswith("int_"):
+        return r"\int "
+    if text == "sum":
+        return r"\sum "
+    if text.startswith("sum_"):
+        return rf"\sum_{{{text[4:]}}} "
+    return ""
+
+
+def _bare(latex: str) -> str:
     """What a bracket holds where nothing else stands beside it."""
-    inner = re.fullmatch(r"\{\\left\((.*)\\right\)\}", made)
+    inner = re.fullmatch(r"\{\\left\((.*)\\right\)\}", latex)
     if not inner:
-        return made
+        return latex
     depth = 0
     for sign in re.findall(r"\\(left|right)\b", inner[1]):
         depth += 1 if sign == "left" else -1
         if depth < 0:
-            return made
+            return latex
     return inner[1]
 
 
@@ -330,9 +338,9 @@ def name(text: str) -> str:
     if digits:
         base, sub = digits[1], digits[2] + (f"_{sub}" if sub else "")
     if base in GREEK:
-        made = f"\\{base}"
+        latex = f"\\{base}"
     elif len(base) == 1 or base in ("kp", "kd", "ki", "dq", "dt", "wn"):
-        made = base if len(base) == 1 else rf"\mathrm{{{base}}}"
+        latex = base if len(base) == 1 else rf"\mathrm{{{base}}}"
     else:
         return r"\mathrm{" + text.replace("_", r"\_") + "}"
-    return made + (f"_{{{_sub(sub)}}}" if sub else "")
+    return latex + (f"_{{{_sub(sub)}}}" if sub else "")

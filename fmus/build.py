@@ -28,7 +28,7 @@ import tempfile
 import time
 import uuid
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from importlib.metadata import version
 from multiprocessing import get_context
@@ -310,26 +310,10 @@ def update(
                 "python", name, dist, digests[name], ""
             )
         _write(entries_kept, dist)  # saved now because compiling may be interrupted
-    reasons: dict[str, str] = {}
-    if not compiled:
-        reasons = dict.fromkeys(called, "no C compiler where it was built")
-    else:
-        python = {n: entries_kept.get(("python", n), {}) for n in called}
-        refused = {
-            n: e["why"]
-            for n, e in python.items()
-            if e.get("why") and e.get("with") == both[n]
-        }
-        todo = tuple(
-            block_ref
-            for n, block_ref in called.items()
-            if n not in refused and not is_current("native", n, both[n])
-        )
-        now = build_native(todo, dist, native.targets_of(platforms)) if todo else {}
-        reasons = {
-            **refused,
-            **{identifier(block_ref): text for block_ref, text in now.items()},
-        }
+    todo, reasons = _select_native(called, entries_kept, both, compiled, is_current)
+    if todo:
+        built = build_native(todo, dist, native.targets_of(platforms))
+        reasons |= {identifier(block_ref): text for block_ref, text in built.items()}
     for name, block_ref in called.items():
         old_entry = entries_kept.get(("python", name), {})
         meaning_entry = (
@@ -361,6 +345,29 @@ def update(
             fmi3.repack(path, block_class(block_ref), dist / "fmi3" / path.name)
         entries_kept["fmi3", name] = {**_entry("fmi3", name, dist, third, ""), **of_c}
     return _write(entries_kept, dist)
+
+
+def _select_native(
+    called: dict[str, str],
+    entries: dict[tuple[str, str], dict[str, Any]],
+    native_digests: dict[str, str],
+    compiled: str,
+    is_current: Callable[[str, str, str], bool],
+) -> tuple[tuple[str, ...], dict[str, str]]:
+    """Return the blocks to compile, and by name why others get no native FMU."""
+    if not compiled:
+        return (), dict.fromkeys(called, "no C compiler where it was built")
+    refused = {}
+    for name in called:
+        entry = entries.get(("python", name), {})
+        if entry.get("why") and entry.get("with") == native_digests[name]:
+            refused[name] = entry["why"]
+    todo = tuple(
+        block_ref
+        for name, block_ref in called.items()
+        if name not in refused and not is_current("native", name, native_digests[name])
+    )
+    return todo, refused
 
 
 def _write(
@@ -406,8 +413,8 @@ def _print_table(index: list[dict[str, Any]]) -> None:
         )
 
 
-def main() -> int:
-    """Build all blocks, or those named on the command line; return the exit code."""
+def _parse_arguments() -> argparse.Namespace:
+    """Read the blocks and options from the command line."""
     parser = argparse.ArgumentParser(
         description="Build the FMUs of the blocks into fmus/dist/."
     )
@@ -423,7 +430,27 @@ def main() -> int:
     parser.add_argument(
         "--platforms", default="", help="all, or linux64,win64,...: for these"
     )
-    arguments = parser.parse_args()
+    return parser.parse_args()
+
+
+def _remove_stale(dist: Path, index: list[dict[str, Any]]) -> None:
+    """Delete FMUs that the index lacks, and files of builds that were interrupted."""
+    for stale in {
+        path
+        for folder in ("", "native/", "fmi3/")
+        for path in dist.glob(f"{folder}*.fmu")
+    } - {dist / e["file"] for e in index}:
+        stale.unlink()
+    for unfinished in dist.rglob(
+        "*.part"
+    ):  # left by a build that was killed; a running build writes its own quickly
+        if time.time() - unfinished.stat().st_mtime > 60.0:
+            unfinished.unlink(missing_ok=True)
+
+
+def main() -> int:
+    """Build all blocks, or those named on the command line; return the exit code."""
+    arguments = _parse_arguments()
     try:
         native.targets_of(arguments.platforms)
     except (NoCompilerError, ValueError) as error:
@@ -449,17 +476,7 @@ def main() -> int:
     block_refs = tuple(name for name in block_refs if name not in wrong)
     index = update(block_refs, dist, arguments.platforms)
     if arguments.into is None and is_complete and not wrong:
-        for stale in {
-            path
-            for folder in ("", "native/", "fmi3/")
-            for path in dist.glob(f"{folder}*.fmu")
-        } - {dist / e["file"] for e in index}:
-            stale.unlink()
-        for unfinished in dist.rglob(
-            "*.part"
-        ):  # left by a build that was killed; a running build writes its own quickly
-            if time.time() - unfinished.stat().st_mtime > 60.0:
-                unfinished.unlink(missing_ok=True)
+        _remove_stale(dist, index)
         interfaces.write()
     built = {
         Path(block_ref).stem if is_own(block_ref) else block_ref

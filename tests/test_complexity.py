@@ -13,7 +13,7 @@ from conftest import ROOT
 EXCESS = {
     "benchmarks": 12,
     "components": 2,
-    "fmus": 24,
+    "fmus": 0,
     "orchestrator": 12,
     "tests": 7,
 }
@@ -38,4 +38,4 @@ def test_no_more_functions_are_too_large() -> None:
         for entry in json.loads(process.stdout)
     )
     assert found.total() > 0
-    assert found == EXCESS, "more are too large, or EXCESS can be lowered"
+    assert found == Counter(EXCESS), "more are too large, or EXCESS can be lowered"

@@ -329,7 +329,7 @@ def test_the_blocks_converge_to_it(name, values, least_order):
     With stiction one wheel stands from 0.004 to 0.107 s, and two stop at once on their
     way through zero."""
     stop = (
-        16.0 if "torquers.drive" in values else 24.0
+        6.0 if "torquers.drive" in values else 24.0
     )  # its reference takes a second a pulse
     name, options = f"gyrostat/{name}", Options(blocks=True, stop=stop, values=values)
     ideal = gyrostat(name, stop=stop, **values).ideal()

@@ -14,7 +14,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from types import MethodType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .expressions import Expressions, Known, UnknownYetError, _sum
 from .types import (
@@ -39,6 +39,9 @@ from .types import (
     shown,
 )
 from .value import ATOM, COND, LESS, MUL, UNARY, Value, constant
+
+if TYPE_CHECKING:
+    from .source import Info, Spec
 
 UNROLLED = 4  # maximum number of passes for which a comprehension is unrolled
 
@@ -101,6 +104,14 @@ class Iteration:
     def most(self) -> int | None:
         """Return the maximum number of passes, or None where it has no bound."""
         return self.fixed if self.fixed is not None else self.count.high
+
+
+#: Library functions that are refused: what the message calls them, and a replacement.
+REPLACEMENTS: dict[Any, tuple[str, str]] = {
+    math.hypot: ("hypot", "sqrt(x * x + y * y): CPython's is not libm's"),
+    math.pow: ("math.pow", "x ** y, which fails otherwise"),
+    sum: ("sum", "write it out: Python 3.12 and later compensate"),
+}
 
 
 class RangeOf:
@@ -304,6 +315,36 @@ class Calls(Expressions):
         memo = info.is_constant
         if memo is not None:
             return self.thing(memo, node)
+        arguments = self._complete_arguments(node, info, values, named)
+        consts: list[Any] = []
+        for k, argument in enumerate(arguments):
+            v = self._typed_argument(node, info, k, argument)
+            arguments[k] = v
+            consts.append(v.const if v.is_const and info.wants_constant[k] else None)
+        types = tuple(v.type for v in arguments)
+        spec = program.specialised(callee, types, tuple(consts), self)
+        self.reached |= spec.reached
+        texts = []
+        if spec.takes_self:
+            texts.append("self")
+        if callee.captured:
+            texts.append(address(self.temporary(target).code))
+        for k, v in enumerate(arguments):
+            if consts[k] is None and (v.code or not isinstance(v.type, Function)):
+                texts.append(self.argument(node, spec, k, v))
+        code = f"{spec.name}({', '.join(texts)})"
+        if spec.result == NEVER and not spec.done:
+            raise UnknownYetError(
+                self.refuse(
+                    node, f"the type of what {info.name} returns", "annotate it"
+                )
+            )
+        return self._call_result(spec, code)
+
+    def _complete_arguments(
+        self, node: ast.AST, info: Info, values: list[Value], named: dict[str, Value]
+    ) -> list[Value]:
+        """Return a value for each parameter: given by place, by name, or its default."""
         arguments: list[Value] = list(values)
         for name, default in info.parameters[len(values) :]:
             if name in named:
@@ -316,69 +357,56 @@ class Calls(Expressions):
             raise self.refuse(
                 node, f"these arguments of {info.name}", "as it declares them"
             )
-        types: list[Type] = []
-        consts: list[Any] = []
-        for k, v in enumerate(arguments):
-            annotation = info.annotated[k]
-            if isinstance(v.type, Maybe) and not info.optional[k]:
-                v = self.some(v)
-            if annotation is not None and v.type != annotation:
-                try:
-                    has_type = join(v.type, annotation) == annotation
-                except JoinError:
-                    has_type = False
-                if has_type:
-                    low, high = v.low, v.high
-                    code = self.convert(v, annotation, node)
-                    v = Value(
-                        annotation,
-                        code,
-                        COND,
-                        again=False,
-                        low=low,
-                        high=high,
-                        const=v.const,
-                    )
-                    if v.is_const and annotation == F:
-                        v = constant(float(v.const))  # type: ignore[assignment]
-            t = v.type
-            if isinstance(t, Known):
-                if not isinstance(t.thing, RangeOf):
-                    raise self.refuse(
-                        node, "this as an argument", "a number, tuple or function"
-                    )
-                raise self.refuse(node, "a range as an argument", "its ends")
-            if isinstance(t, Tuple) and v.parts is not None and not t.uniform:
-                try:  # one type for all, where they have one
-                    item = element(t)
-                    if item in (F,):
-                        t = Tuple((item,) * len(t.items))
-                        v = Value(t, self.built(t, v.parts))
-                except JoinError:
-                    pass
-            arguments[k] = v
-            types.append(t)
-            consts.append(v.const if v.is_const and info.wants_constant[k] else None)
-        spec = program.specialised(callee, tuple(types), tuple(consts), self)
-        self.reached |= spec.reached
-        texts = []
-        if spec.takes_self:
-            texts.append("self")
-        if callee.captured:
-            texts.append(address(self.temporary(target).code))
-        for k, v in enumerate(arguments):
-            if consts[k] is not None or (isinstance(v.type, Function) and not v.code):
-                if isinstance(v.type, Function):
-                    continue
-                continue
-            texts.append(self.argument(node, spec, k, v))
-        code = f"{spec.name}({', '.join(texts)})"
-        if spec.result == NEVER and not spec.done:
-            raise UnknownYetError(
-                self.refuse(
-                    node, f"the type of what {info.name} returns", "annotate it"
+        return arguments
+
+    def _typed_argument(self, node: ast.AST, info: Info, k: int, v: Value) -> Value:
+        """Return argument `k` with the type that its parameter gets."""
+        if isinstance(v.type, Maybe) and not info.optional[k]:
+            v = self.some(v)
+        annotation = info.annotated[k]
+        if annotation is not None and v.type != annotation:
+            v = self._annotated_argument(node, v, annotation)
+        t = v.type
+        if isinstance(t, Known):
+            if not isinstance(t.thing, RangeOf):
+                raise self.refuse(
+                    node, "this as an argument", "a number, tuple or function"
                 )
-            )
+            raise self.refuse(node, "a range as an argument", "its ends")
+        if isinstance(t, Tuple) and v.parts is not None and not t.uniform:
+            return self._uniform_floats(v, t)
+        return v
+
+    def _annotated_argument(self, node: ast.AST, v: Value, annotation: Type) -> Value:
+        """Convert an argument to its annotation where that is the wider type."""
+        try:
+            is_wider = join(v.type, annotation) == annotation
+        except JoinError:
+            is_wider = False
+        if not is_wider:
+            return v
+        low, high = v.low, v.high
+        code = self.convert(v, annotation, node)
+        v = Value(
+            annotation, code, COND, again=False, low=low, high=high, const=v.const
+        )
+        if v.is_const and annotation == F:
+            return constant(float(v.const))  # type: ignore[return-value]
+        return v
+
+    def _uniform_floats(self, v: Value, t: Tuple) -> Value:
+        """Return a mixed tuple as one of floats where its elements allow it."""
+        try:
+            item = element(t)
+            if item == F:
+                floats = Tuple((item,) * len(t.items))
+                return Value(floats, self.built(floats, v.parts))  # type: ignore[arg-type]
+        except JoinError:
+            pass
+        return v
+
+    def _call_result(self, spec: Spec, code: str) -> Value:
+        """Write a call as a statement where needed, and return its result."""
         if spec.never_returns:
             self.line(f"{code};")
             self.ended = True
@@ -386,13 +414,11 @@ class Calls(Expressions):
         if spec.effects:
             self.effects = True
             self.sure = {path for path in self.sure if not path.startswith("self.")}
-            if spec.result in (NONE, NEVER):
-                self.line(f"{code};")
-                return constant(None)  # type: ignore[return-value]
-            return self.temporary(Value(spec.result, code), hint="result")
         if spec.result in (NONE, NEVER):
             self.line(f"{code};")
             return constant(None)  # type: ignore[return-value]
+        if spec.effects:
+            return self.temporary(Value(spec.result, code), hint="result")
         if spec.memo:
             self.kept_of[spec.name] += 1
             last_result = self.fresh("kept")
@@ -438,18 +464,7 @@ class Calls(Expressions):
     def call_known(self, node: ast.Call, thing: Any) -> Value:
         """Translate a call of a named tuple, a builtin or a library function."""
         if isinstance(thing, type) and hasattr(thing, "_fields"):
-            values, named = self.arguments(node, node.args, node.keywords)
-            values += [named[n] for n in thing._fields[len(values) :]]
-            kinds = typing.get_type_hints(thing)
-            parts = tuple(
-                Value(F, self.convert(v, F), COND, again=v.again, const=v.const)
-                if v.type == I and kinds[name] is float
-                else v
-                for name, v in zip(thing._fields, values, strict=True)
-            )
-            return Value(
-                Tuple(tuple(p.type for p in parts), thing._fields), "", parts=parts
-            )
+            return self._call_named_tuple(node, thing)
         if isinstance(thing, type) and issubclass(thing, BaseException):
             raise self.refuse(node, f"{thing.__name__} as a value", "raise it")
         if isinstance(thing, RangeOf):
@@ -466,6 +481,24 @@ class Calls(Expressions):
         if method and getattr(builtins, name, None) is thing:
             result: Value = method(node)
             return result
+        return self._call_library(node, thing, name)
+
+    def _call_named_tuple(self, node: ast.Call, thing: Any) -> Value:
+        """Translate the making of a named tuple; its float fields become floats."""
+        values, named = self.arguments(node, node.args, node.keywords)
+        values += [named[n] for n in thing._fields[len(values) :]]
+        kinds = typing.get_type_hints(thing)
+        parts: list[Value] = []
+        for name, v in zip(thing._fields, values, strict=True):
+            if v.type == I and kinds[name] is float:
+                v = Value(F, self.convert(v, F), COND, again=v.again, const=v.const)
+            parts.append(v)
+        return Value(
+            Tuple(tuple(p.type for p in parts), thing._fields), "", parts=tuple(parts)
+        )
+
+    def _call_library(self, node: ast.Call, thing: Any, name: str) -> Value:
+        """Translate a call of `bisect` or of a function of `math` that is no plain call."""
         if thing in (bisect.bisect_right, bisect.bisect_left, bisect.bisect):
             return self.bisected(
                 node, "left" if thing is bisect.bisect_left else "right"
@@ -480,16 +513,8 @@ class Calls(Expressions):
         if thing in (math.isfinite, math.isnan, math.isinf):
             (x,) = self.in_order(node.args)
             return Value(B, f"{name}({self.convert(self.some(x), F)})")
-        if thing is math.hypot:
-            raise self.refuse(
-                node, "hypot", "sqrt(x * x + y * y): CPython's is not libm's"
-            )
-        if thing is math.pow:
-            raise self.refuse(node, "math.pow", "x ** y, which fails otherwise")
-        if thing is sum:
-            raise self.refuse(
-                node, "sum", "write it out: Python 3.12 and later compensate"
-            )
+        if thing in REPLACEMENTS:
+            raise self.refuse(node, *REPLACEMENTS[thing])
         raise self.refuse(
             node, f"{name}()", "what translates is listed in docs/translation.md"
         )
@@ -910,54 +935,32 @@ class Calls(Expressions):
         step = values[2] if len(values) > 2 else one
         if not step.is_const or not step.const:
             raise self.refuse(node, "a range with this step", "a constant step")
-        s = step.const
-        if start.is_const and stop.is_const:
-            count = constant(len(range(start.const, stop.const, s)))
-        else:
-            if s > 0:
-                high = self.span(args, start, stop)
-            elif start.high is not None and stop.low is not None:
-                high = start.high - stop.low
-            else:
-                high = None
-            high = None if high is None else max(-(-high // abs(s)), 0)
-            if s == 1:
-                code = f"py_count({start.code}, {stop.code})"
-            else:
-                code = f"py_count_by({start.code}, {stop.code}, {s})"
-            count = self.temporary(Value(I, code, low=0, high=high))
-        assert count
+        count = self._range_count(args, start, stop, step.const)
 
         def item(k: Value) -> Value:
             """Return item `k` of the range, with its bounds."""
-            low = high = None
-            if (
-                start.low is not None
-                and start.high is not None
-                and count.high is not None
-            ):
-                last = (count.high - 1) * s
-                low, high = start.low + min(0, last), start.high + max(0, last)
-            if stop.high is not None and s > 0 and start.low is not None:
-                low = start.low if low is None else low
-                high = stop.high - 1 if high is None else min(high, stop.high - 1)
-            if k.is_const and start.is_const:
-                return constant(start.const + s * k.const)  # type: ignore[return-value]
-            text = k.code if s == 1 else f"{s} * {k.code}"
-            if start.is_const and start.const == 0:
-                code, binds = text, (k.binds if s == 1 else MUL)
-            else:
-                code, binds = f"{start.code} + {text}", 70
-            return Value(
-                I,
-                code,
-                binds,
-                low=low,
-                high=high,
-                again=k.again and s == 1 and start.is_const and start.const == 0,
-            )
+            return _range_item(k, start, stop, step.const, count)
 
-        return Iteration(count, item, start=start, step=s)
+        return Iteration(count, item, start=start, step=step.const)
+
+    def _range_count(
+        self, args: Sequence[ast.expr], start: Value, stop: Value, step: int
+    ) -> Value:
+        """Return the number of items of a range, with an upper bound if it has one."""
+        if start.is_const and stop.is_const:
+            return constant(len(range(start.const, stop.const, step)))  # type: ignore[return-value]
+        if step > 0:
+            high = self.span(args, start, stop)
+        elif start.high is not None and stop.low is not None:
+            high = start.high - stop.low
+        else:
+            high = None
+        high = None if high is None else max(-(-high // abs(step)), 0)
+        if step == 1:
+            code = f"py_count({start.code}, {stop.code})"
+        else:
+            code = f"py_count_by({start.code}, {stop.code}, {step})"
+        return self.temporary(Value(I, code, low=0, high=high))
 
     def span(self, args: Sequence[ast.expr], start: Value, stop: Value) -> int | None:
         """Return an upper bound of stop minus start of a range that counts upwards.
@@ -1255,7 +1258,6 @@ class Calls(Expressions):
         mark, level = len(self.out), self.level
         types: list[Type] = []
         holes: list[int] = []
-        limits: list[int | None] = [1]
 
         def body(item: Value) -> None:
             """Write a placeholder for one element.
@@ -1270,6 +1272,34 @@ class Calls(Expressions):
             self.line(f"@{name}@{self.code(item)}")
             holes.append(len(self.out) - 1)
 
+        passes = self._count_passes(loops, body)
+        found: Type = NEVER
+        for t in types:
+            found = join(found, t)
+        limit = self._limit_length(node, size if is_complete else passes, found)
+        if holes and any(t != found for t in types):
+            raise self.refuse(node, "elements of different types", "keep to one type")
+        is_tuple = bool(is_complete and size)
+        result: Type = Tuple((found,) * limit) if is_tuple else List(found, limit)
+        text = self.program.names(result)
+        place = f"{name}_n++" if is_tuple else f"py_room({name}.n++, {limit})"
+        for hole in holes:
+            indent, _, code = self.out[hole].partition(f"@{name}@")
+            self.out[hole] = f"{indent}{name}.e[{place}] = {code};"
+        if is_tuple:
+            self.out.insert(mark, "    " * level + f"int64_t {name}_n = 0;")
+            self.out.insert(mark, "    " * level + f"{text} {name};")
+        else:
+            self.out.insert(mark, "    " * level + f"{text} {name} = {{0}};")
+        return Value(result, name, again=True)
+
+    def _count_passes(
+        self,
+        loops: Callable[[Callable[[Value], None]], None],
+        body: Callable[[Value], None],
+    ) -> int | None:
+        """Write loops around a body; return the maximum number of passes, if known."""
+        limits: list[int | None] = [1]
         # The class's own run: an enclosing `gathered` must not count these passes too.
         before, plain = self.run, MethodType(type(self).run, self)
 
@@ -1286,42 +1316,40 @@ class Calls(Expressions):
             loops(body)
         finally:
             self.run = before  # type: ignore[method-assign]
-        found: Type = NEVER
-        for t in types:
-            found = join(found, t)
-        limit = size if is_complete else limits[0]
+        return limits[0]
+
+    def _limit_length(self, node: ast.AST, limit: int | None, item: Type) -> int:
+        """Return the maximum length of a tuple; refuse one without a limit."""
         if self.most_wanted is not None:
             limit = self.most_wanted if limit is None else min(limit, self.most_wanted)
-        if limit is None or limit > LONGEST or found == NEVER:
+        if limit is None or limit > LONGEST or item == NEVER:
             raise self.refuse(
                 node,
                 "a tuple that may get any length",
                 "Annotated[tuple[...], MOST], or a range with an end",
             )
-        result: Type = (
-            Tuple((found,) * limit) if is_complete and size else List(found, limit)
-        )
-        text = self.program.names(result)
-        one = any(t != found for t in types)
-        for hole in holes:
-            line = self.out[hole]
-            indent, _, code = line.partition(f"@{name}@")
-            if one:
-                raise self.refuse(
-                    node, "elements of different types", "keep to one type"
-                )
-            if isinstance(result, Tuple):
-                self.out[hole] = f"{indent}{name}.e[{name}_n++] = {code};"
-            else:
-                self.out[hole] = (
-                    f"{indent}{name}.e[py_room({name}.n++, {limit})] = {code};"
-                )
-        if isinstance(result, Tuple):
-            self.out.insert(mark, "    " * level + f"int64_t {name}_n = 0;")
-            self.out.insert(mark, "    " * level + f"{text} {name};")
-        else:
-            self.out.insert(mark, "    " * level + f"{text} {name} = {{0}};")
-        return Value(result, name, again=True)
+        return limit
+
+
+def _range_item(k: Value, start: Value, stop: Value, step: int, count: Value) -> Value:
+    """Return item `k` of a range, with its bounds."""
+    low = high = None
+    if start.low is not None and start.high is not None and count.high is not None:
+        last = (count.high - 1) * step
+        low, high = start.low + min(0, last), start.high + max(0, last)
+    if stop.high is not None and step > 0 and start.low is not None:
+        low = start.low if low is None else low
+        high = stop.high - 1 if high is None else min(high, stop.high - 1)
+    if k.is_const and start.is_const:
+        return constant(start.const + step * k.const)  # type: ignore[return-value]
+    text = k.code if step == 1 else f"{step} * {k.code}"
+    starts_at_zero = start.is_const and start.const == 0
+    if starts_at_zero:
+        code, binds = text, (k.binds if step == 1 else MUL)
+    else:
+        code, binds = f"{start.code} + {text}", 70
+    again = k.again and step == 1 and starts_at_zero
+    return Value(I, code, binds, low=low, high=high, again=again)
 
 
 def address(code: str) -> str:

@@ -237,6 +237,29 @@ class Expressions(ABC):
             )
         if v == t:
             return self.code(value)
+        number_code = self._convert_number(value, t)
+        if number_code is not None:
+            return number_code
+        if isinstance(t, Maybe):
+            return self._convert_to_optional(value, t, node)
+        if isinstance(v, Maybe):
+            x = self.temporary(value)
+            self.line(f"py_some({x.code}.some);")
+            some = Value(v.item, f"{x.code}.v", again=True)
+            return self.convert(some, t, node)
+        if isinstance(t, (Tuple, List)) and isinstance(v, (Tuple, List, Array)):
+            return self._convert_sequence(value, t, node)
+        if isinstance(t, Function) and isinstance(v, Function) and len(v.callees) == 1:
+            return f"({self.program.names(t)}){{{t.callees.index(v.callees[0])}}}"
+        raise self.refuse(
+            node or self.spec.node,
+            f"{shown(v)} where {shown(t)} is needed",
+            "keep to one type",
+        )
+
+    def _convert_number(self, value: Value, t: Type) -> str | None:
+        """Return the C of a number as the wider type `t`, or None if it is none."""
+        v = value.type
         if t == F and v in (I, B, U):
             if value.is_const:
                 return constant(float(value.const)).code  # type: ignore[union-attr]
@@ -247,22 +270,26 @@ class Expressions(ABC):
             if value.is_const and value.const >= 0:
                 return f"UINT64_C({value.const})"
             return f"py_mask({value.code})"
-        if isinstance(t, Maybe):
-            name = self.program.names(t)
-            if v == NONE:
-                return f"({name}){{0}}"
-            if isinstance(v, Maybe):
-                x = self.temporary(value)
-                inner = Value(v.item, f"{x.code}.v", again=True)
-                return f"({name}){{{x.code}.some, {self.convert(inner, t.item, node)}}}"
-            return f"({name}){{true, {self.convert(value, t.item, node)}}}"
+        return None
+
+    def _convert_to_optional(self, value: Value, t: Maybe, node: ast.AST | None) -> str:
+        """Return the C of a value, or of None, as a type that admits None."""
+        v = value.type
+        name = self.program.names(t)
+        if v == NONE:
+            return f"({name}){{0}}"
         if isinstance(v, Maybe):
             x = self.temporary(value)
-            some = Value(v.item, f"(py_some({x.code}.some), {x.code}).v")
-            self.line(f"py_some({x.code}.some);")
-            some = Value(v.item, f"{x.code}.v", again=True)
-            return self.convert(some, t, node)
-        if isinstance(t, Tuple) and isinstance(v, (Tuple, List, Array)):
+            inner = Value(v.item, f"{x.code}.v", again=True)
+            return f"({name}){{{x.code}.some, {self.convert(inner, t.item, node)}}}"
+        return f"({name}){{true, {self.convert(value, t.item, node)}}}"
+
+    def _convert_sequence(
+        self, value: Value, t: Tuple | List, node: ast.AST | None
+    ) -> str:
+        """Return the C of a tuple or list as another tuple or list type."""
+        v = value.type
+        if isinstance(t, Tuple):
             if isinstance(v, List) and v.most == 0 and t.items:
                 raise self.refuse(
                     node or self.spec.node, "an empty tuple here", "give its values"
@@ -271,27 +298,24 @@ class Expressions(ABC):
             if isinstance(v, Tuple) and v.items == t.items:
                 return self.code(value)
             return self.built(t, parts)
-        if isinstance(t, List) and isinstance(v, (Tuple, Array)):
-            return self.built(t, self.elements(value, most(v), node))
-        if isinstance(t, List) and isinstance(v, List):
-            if v.item == NEVER or v.most == 0:
-                return f"({self.program.names(t)}){{0}}"
-            x = self.temporary(value)
-            name = self.fresh("copy")
-            self.line(f"{self.program.names(t)} {name} = {{0}};")
-            self.line(f"{name}.n = py_length({x.code}.n, {t.most});")
-            k = self.fresh("k")
-            item = Value(v.item, f"{x.code}.e[{k}]", again=True)
-            self.line(f"for (int64_t {k} = 0; {k} < {name}.n; {k}++)")
-            self.line(f"    {name}.e[{k}] = {self.convert(item, t.item, node)};")
-            return name
-        if isinstance(t, Function) and isinstance(v, Function) and len(v.callees) == 1:
-            return f"({self.program.names(t)}){{{t.callees.index(v.callees[0])}}}"
-        raise self.refuse(
-            node or self.spec.node,
-            f"{shown(v)} where {shown(t)} is needed",
-            "keep to one type",
-        )
+        if isinstance(v, List):
+            return self._copy_list(value, t, node)
+        return self.built(t, self.elements(value, most(v), node))
+
+    def _copy_list(self, value: Value, t: List, node: ast.AST | None) -> str:
+        """Write a loop that converts each element; return the name of the copy."""
+        v = value.type
+        if v.item == NEVER or v.most == 0:
+            return f"({self.program.names(t)}){{0}}"
+        x = self.temporary(value)
+        name = self.fresh("copy")
+        self.line(f"{self.program.names(t)} {name} = {{0}};")
+        self.line(f"{name}.n = py_length({x.code}.n, {t.most});")
+        k = self.fresh("k")
+        item = Value(v.item, f"{x.code}.e[{k}]", again=True)
+        self.line(f"for (int64_t {k} = 0; {k} < {name}.n; {k}++)")
+        self.line(f"    {name}.e[{k}] = {self.convert(item, t.item, node)};")
+        return name
 
     def elements(
         self, value: Value, n: int, node: ast.AST | None = None
@@ -661,12 +685,10 @@ class Expressions(ABC):
         self, node: ast.AST, op: type[ast.operator], a: Value, b: Value
     ) -> Value:
         """Translate `a op b` for numbers, 64-bit masks and tuples."""
-        if (
-            a.is_const
-            and b.is_const
-            and (folded := self.fold(op, a.const, b.const)) is not None
-        ):
-            return folded
+        if a.is_const and b.is_const:
+            folded = self.fold(op, a.const, b.const)
+            if folded is not None:
+                return folded
         ta, tb = a.type, b.type
         if isinstance(ta, (Tuple, List, Array)) or isinstance(tb, (Tuple, List, Array)):
             return self.of_tuples(node, op, a, b)
@@ -679,22 +701,36 @@ class Expressions(ABC):
         if op is ast.Div:
             return self.quotient(a, b)
         if op is ast.Pow:
-            if tb in (I, B) and ta in (I, B):
-                raise self.refuse(node, "a power of integers", "products, or a float")
-            return Value(F, f"py_pow({self.convert(a, F)}, {self.convert(b, F)})")
+            return self._power(node, a, b)
         if op in (ast.Mod, ast.FloorDiv):
             return self.modulo(op, a, b)
+        return self._of_numbers(node, op, a, b)
+
+    def _of_numbers(
+        self, node: ast.AST, op: type[ast.operator], a: Value, b: Value
+    ) -> Value:
+        """Translate a sum, difference or product of two numbers."""
         if op not in ARITHMETIC:
             raise self.refuse(node, f"{op.__name__}", "of 64-bit masks only")
-        if F in (ta, tb):
-            sign, level = ARITHMETIC[op]
-            first = a if ta == F else Value(F, self.convert(a, F), UNARY)
-            right = b if tb == F else Value(F, self.convert(b, F), UNARY)
-            if ta == B and not a.is_const:
-                first = Value(F, f"(double){a.within(UNARY)}", UNARY)
-            text = right.within(level + 1)
-            return Value(F, f"{first.within(level)} {sign} {text}", level)
+        if F in (a.type, b.type):
+            return self._of_floats(op, a, b)
         return self.of_integers(op, a, b)
+
+    def _power(self, node: ast.AST, a: Value, b: Value) -> Value:
+        """Translate `a ** b`, of which at least one is a float."""
+        if b.type in (I, B) and a.type in (I, B):
+            raise self.refuse(node, "a power of integers", "products, or a float")
+        return Value(F, f"py_pow({self.convert(a, F)}, {self.convert(b, F)})")
+
+    def _of_floats(self, op: type[ast.operator], a: Value, b: Value) -> Value:
+        """Translate a sum, difference or product of which one operand is a float."""
+        sign, level = ARITHMETIC[op]
+        first = a if a.type == F else Value(F, self.convert(a, F), UNARY)
+        right = b if b.type == F else Value(F, self.convert(b, F), UNARY)
+        if a.type == B and not a.is_const:
+            first = Value(F, f"(double){a.within(UNARY)}", UNARY)
+        text = right.within(level + 1)
+        return Value(F, f"{first.within(level)} {sign} {text}", level)
 
     def fold(self, op: type[ast.operator], a: Any, b: Any) -> Value | None:
         """Compute `a op b` of two constants, or return None where it has no result."""
@@ -1083,13 +1119,7 @@ class Expressions(ABC):
     def compared(self, node: ast.AST, op: ast.cmpop, a: Value, b: Value) -> Value:
         """Translate one comparison `a op b`."""
         if isinstance(op, (ast.Is, ast.IsNot)):
-            if b.type != NONE:
-                raise self.refuse(node, "`is` of values", "==")
-            if isinstance(a.type, Maybe):
-                x = self.temporary(a)
-                no = "!" if isinstance(op, ast.Is) else ""
-                return Value(B, f"{no}{x.code}.some", UNARY if no else ATOM)
-            return constant((a.type == NONE) == isinstance(op, ast.Is))  # type: ignore[return-value]
+            return self._compare_with_none(node, op, a, b)
         if isinstance(op, (ast.In, ast.NotIn)):
             return self.contained(node, op, a, b)
         a, b = self.some(a), self.some(b)
@@ -1099,12 +1129,32 @@ class Expressions(ABC):
             if sign in table:
                 return constant(table[sign])  # type: ignore[return-value]
         if isinstance(a.type, (Tuple, List, Array)):
-            if sign not in ("==", "!="):
-                raise self.refuse(node, f"{sign} of tuples", "== and !=")
-            text = self.equal(node, a, b)
-            if sign == "!=":
-                text = Value(B, f"!{text.within(UNARY)}", UNARY)
-            return text
+            return self._compare_tuples(node, sign, a, b)
+        return self._compare_numbers(node, sign, a, b)
+
+    def _compare_with_none(
+        self, node: ast.AST, op: ast.Is | ast.IsNot, a: Value, b: Value
+    ) -> Value:
+        """Translate `a is None` or `a is not None`."""
+        if b.type != NONE:
+            raise self.refuse(node, "`is` of values", "==")
+        if isinstance(a.type, Maybe):
+            x = self.temporary(a)
+            no = "!" if isinstance(op, ast.Is) else ""
+            return Value(B, f"{no}{x.code}.some", UNARY if no else ATOM)
+        return constant((a.type == NONE) == isinstance(op, ast.Is))  # type: ignore[return-value]
+
+    def _compare_tuples(self, node: ast.AST, sign: str, a: Value, b: Value) -> Value:
+        """Translate == or != of tuples."""
+        if sign not in ("==", "!="):
+            raise self.refuse(node, f"{sign} of tuples", "== and !=")
+        is_equal = self.equal(node, a, b)
+        if sign == "!=":
+            return Value(B, f"!{is_equal.within(UNARY)}", UNARY)
+        return is_equal
+
+    def _compare_numbers(self, node: ast.AST, sign: str, a: Value, b: Value) -> Value:
+        """Translate a comparison of two numbers or two 64-bit masks."""
         if U in (a.type, b.type) and {a.type, b.type} != {U}:
             raise self.refuse(node, "a 64-bit mask compared", "with another one")
         if not {a.type, b.type} <= {F, I, B, U}:
@@ -1467,30 +1517,46 @@ class Expressions(ABC):
                 self.line(f"py_text({constant(text).code});")  # type: ignore[union-attr]
         elif t == S and not spec:
             self.line(f"py_text({value.code});")
-        elif t in (F, I) and spec:
-            found = re.fullmatch(r"(?:\.(\d+))?([gfe])", spec)
-            if not found:
-                raise self.refuse(
-                    node, f"the format {spec!r}", "g, f or e with a precision"
-                )
-            self.line(
-                f"py_text_format('{found[2]}', {found[1] or 6}, {self.convert(value, F)});"
-            )
         elif spec:
-            raise self.refuse(node, f"the format {spec!r} of {shown(t)}", "of a number")
-        elif t == F:
+            self._write_formatted(node, value, spec)
+        elif isinstance(t, Tuple):
+            self._write_tuple_text(node, value, t)
+        else:
+            self._write_plain_text(node, value)
+
+    def _write_formatted(self, node: ast.AST, value: Value, spec: str) -> None:
+        """Write the C that appends a number in the format `spec`."""
+        if value.type not in (F, I):
+            raise self.refuse(
+                node, f"the format {spec!r} of {shown(value.type)}", "of a number"
+            )
+        found = re.fullmatch(r"(?:\.(\d+))?([gfe])", spec)
+        if not found:
+            raise self.refuse(
+                node, f"the format {spec!r}", "g, f or e with a precision"
+            )
+        self.line(
+            f"py_text_format('{found[2]}', {found[1] or 6}, {self.convert(value, F)});"
+        )
+
+    def _write_tuple_text(self, node: ast.AST, value: Value, t: Tuple) -> None:
+        """Write the C that appends the elements of a tuple in parentheses."""
+        self.line('py_text("(");')
+        for k, part in enumerate(self.elements(value, len(t.items), node)):
+            if k:
+                self.line('py_text(", ");')
+            self.write_text(node, part, "")
+        self.line('py_text(",)");' if len(t.items) == 1 else 'py_text(")");')
+
+    def _write_plain_text(self, node: ast.AST, value: Value) -> None:
+        """Write the C that appends a number, a truth value or None."""
+        t = value.type
+        if t == F:
             self.line(f"py_text_float({value.code});")
         elif t in (I, U):
             self.line(f"py_text_{'int' if t == I else 'mask'}({value.code});")
         elif t == B:
             self.line(f'py_text({value.within(COND + 1)} ? "True" : "False");')
-        elif isinstance(t, Tuple):
-            self.line('py_text("(");')
-            for k, part in enumerate(self.elements(value, len(t.items), node)):
-                if k:
-                    self.line('py_text(", ");')
-                self.write_text(node, part, "")
-            self.line('py_text(",)");' if len(t.items) == 1 else 'py_text(")");')
         elif t == NONE:
             self.line('py_text("None");')
         else:

@@ -321,14 +321,29 @@ class Translation(Calls):
                     "a name of its own",
                 )
             del self.bound[name]
+        if self._stands_for_value(target, value):
+            self.bound[name] = value
+            return
+        t = self._widen_variable(target, value)
+        if t in (NONE, NEVER):
+            return
+        final = self.spec.variables[name]
+        if isinstance(final, List) and final.item == NEVER:
+            return
+        text = self.convert(value, final, target)
+        self._store_bounds(name, value)
+        self._write_assignment(target, final, text)
+
+    def _stands_for_value(self, target: ast.Name, value: Value) -> bool:
+        """Return whether a name stands for its value, so that it is no C variable."""
+        name = target.id
         if isinstance(value.type, Known) or (
             isinstance(value.type, Function) and len(value.type.callees) == 1
         ):
             if name in self.types:
                 raise self.refuse(target, f"{name} was a number before", "another name")
             if not (isinstance(value.type, Function) and self.spec.stores[name] > 1):
-                self.bound[name] = value
-                return
+                return True
         if (
             value.is_const
             and self.spec.stores[name] == 1
@@ -336,11 +351,12 @@ class Translation(Calls):
             and (value.type in (S, I) or isinstance(value.type, (Tuple, List)))
             and name not in {*self.spec.changed_in_place, *self.spec.in_loops}
         ):
-            self.bound[name] = value
-            return
-        if self.stays(name, value):
-            self.bound[name] = value
-            return
+            return True
+        return self.stays(name, value)
+
+    def _widen_variable(self, target: ast.Name, value: Value) -> Type:
+        """Join the type of a variable with that of a new value, and return it."""
+        name = target.id
         old = self.types.get(name, NEVER)
         t = self.join_with(old, value.type, self.limits_needed.get(name), target, name)
         argument_type = dict(self.spec.arguments).get(name)
@@ -352,23 +368,25 @@ class Translation(Calls):
             self.changed = True
             self.spec.variables[name] = t
         self.types[name] = t
-        if t in (NONE, NEVER):
-            return
-        final = self.spec.variables[name]
-        if isinstance(final, List) and final.item == NEVER:
-            return
-        text = self.convert(value, final, target)
+        return t
+
+    def _store_bounds(self, name: str, value: Value) -> None:
+        """Keep the bounds of an integer that is assigned only once."""
+        is_assigned_once = (
+            name not in self.spec.in_loops
+            and self.spec.stores[name] == 1
+            and dict(self.spec.arguments).get(name) is None
+        )
         self.bounds[name] = (None, None)
-        if (
-            value.type == I
-            and name not in self.spec.in_loops
-            and (self.spec.stores[name] == 1 and argument_type is None)
-        ):
+        if value.type == I and is_assigned_once:
             self.bounds[name] = (value.low, value.high)
+
+    def _write_assignment(self, target: ast.Name, final: Type, text: str) -> None:
+        """Write an assignment in C, as a declaration where it is the first."""
+        name = target.id
         if name not in self.declared:
-            if self.level == 1 + self.tries or name in self.spec.inline.get(
-                id(target), ()
-            ):
+            inline_names = self.spec.inline.get(id(target), ())
+            if self.level == 1 + self.tries or name in inline_names:
                 self.declared.add(name)
                 const = "const " if self.spec.stores[name] == 1 else ""
                 const = "" if name in self.spec.changed_in_place else const
@@ -607,58 +625,8 @@ class Translation(Calls):
         """
         if node.orelse:
             raise self.refuse(node, "else of a loop", "a variable")
-        iteration = self.iteration(node.iter)
-        self.forget(node)
-        runs_over = reads(node.iter)
-        if (
-            isinstance(node.iter, ast.Call)
-            and self.quiet_target(node.iter.func) is range
-        ):
-            runs_over = reads(node.iter.args[0]) if len(node.iter.args) > 1 else set()
-        clash = runs_over & self.order.changes(*node.body)
-        if clash and not isinstance(node.iter, (ast.Name, ast.Attribute)):
-            stored = {
-                n.id
-                for s in node.body
-                for n in ast.walk(s)
-                if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
-            }
-            if clash & stored or not clash <= self.spec.changed_in_place:
-                raise self.refuse(
-                    node,
-                    f"{min(clash)} changes in a loop over it",
-                    "a tuple of it, before",
-                )
-        if (
-            clash & self.spec.changed_in_place
-        ):  # each pass reads the element as it is when the pass begins
-            item = iteration.item
-            iteration = replace(iteration, item=lambda k: self.pin(item(k)))
-        if (
-            iteration.source is not None
-            and not iteration.source.is_const
-            and _changes(node, iteration.source.code)
-        ):
-            source = self.temporary(replace(iteration.source, again=False), hint="over")
-            iteration = self.over_value(node.iter, source)
-        names = [
-            n.id
-            for n in ast.walk(node.target)
-            if isinstance(n, ast.Name) and n.id != "_"
-        ]
-        stored = {
-            n.id
-            for s in node.body
-            for n in ast.walk(s)
-            if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
-        }
-        free = not any(
-            n in stored
-            or self.spec.used_after(node, n)
-            or n in self.types
-            or self.spec.outside_of(node, n)
-            for n in names
-        )
+        iteration = self._loop_iteration(node)
+        free = self._targets_are_free(node)
         breaks = any(
             isinstance(n, (ast.Break, ast.Continue)) for n in _own_nodes(node.body)
         )
@@ -692,6 +660,56 @@ class Translation(Calls):
         self.ended = False
         self.level -= 1
         self.line("}")
+
+    def _loop_iteration(self, node: ast.For) -> Iteration:
+        """Return the passes of a for loop, over a copy where its body changes them."""
+        iteration = self.iteration(node.iter)
+        self.forget(node)
+        runs_over = reads(node.iter)
+        if (
+            isinstance(node.iter, ast.Call)
+            and self.quiet_target(node.iter.func) is range
+        ):
+            runs_over = reads(node.iter.args[0]) if len(node.iter.args) > 1 else set()
+        clash = runs_over & self.order.changes(*node.body)
+        is_variable = isinstance(node.iter, (ast.Name, ast.Attribute))
+        is_replaced = clash & _stored_names(node.body)
+        is_assigned_elsewhere = not clash <= self.spec.changed_in_place
+        if clash and not is_variable and (is_replaced or is_assigned_elsewhere):
+            raise self.refuse(
+                node,
+                f"{min(clash)} changes in a loop over it",
+                "a tuple of it, before",
+            )
+        if (
+            clash & self.spec.changed_in_place
+        ):  # each pass reads the element as it is when the pass begins
+            item = iteration.item
+            iteration = replace(iteration, item=lambda k: self.pin(item(k)))
+        if (
+            iteration.source is not None
+            and not iteration.source.is_const
+            and _changes(node, iteration.source.code)
+        ):
+            source = self.temporary(replace(iteration.source, again=False), hint="over")
+            iteration = self.over_value(node.iter, source)
+        return iteration
+
+    def _targets_are_free(self, node: ast.For) -> bool:
+        """Return whether nothing but the loop itself assigns or uses its targets."""
+        names = [
+            n.id
+            for n in ast.walk(node.target)
+            if isinstance(n, ast.Name) and n.id != "_"
+        ]
+        stored = _stored_names(node.body)
+        return not any(
+            n in stored
+            or self.spec.used_after(node, n)
+            or n in self.types
+            or self.spec.outside_of(node, n)
+            for n in names
+        )
 
     def counting(self, node: ast.For, iteration: Iteration) -> None:
         """Translate a for loop over a range to a C loop with the same variable."""
@@ -926,6 +944,16 @@ def _own_nodes(body: Sequence[ast.stmt]) -> list[ast.AST]:
 def _mentions(text: str, code: str) -> bool:
     """Return whether C text reads a variable or field."""
     return re.search(rf"(?<![\w>.]){re.escape(code)}(?!\w)", text) is not None
+
+
+def _stored_names(body: list[ast.stmt]) -> set[str]:
+    """Return the names that a block of statements assigns."""
+    names: set[str] = set()
+    for s in body:
+        for n in ast.walk(s):
+            if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store):
+                names.add(n.id)
+    return names
 
 
 def _changes(node: ast.For, code: str) -> bool:

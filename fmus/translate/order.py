@@ -124,81 +124,137 @@ def refused(
     function.
     """
     for n in ast.walk(node):
-        match n:
-            case ast.AugAssign(target=target) if order.calls_change(target):
-                yield n, "a call that changes something, in a target", "call it before"
-            case ast.Assign(targets=[_, _, *_] as targets) if any(
-                isinstance(t, ast.Subscript) for t in targets
-            ):
-                yield n, "an element among several targets", "an assignment for each"
-            case ast.Subscript(slice=index) if order.calls_change(index):
-                yield n, "a call that changes something, in an index", "call it before"
-            case ast.IfExp(body=a, orelse=b) if _named(a, lists) or _named(b, lists):
-                yield n, "a second name for a list that changes", "list(...) copies it"
-            case ast.Tuple(elts=elements) | ast.List(elts=elements) if any(
-                _named(e, lists) and isinstance(e.ctx, ast.Load)  # type: ignore[attr-defined]
-                for e in elements
-            ):
-                yield (
-                    n,
-                    "a list that changes, within another one",
-                    "tuple(...) copies it",
-                )
-            case ast.Call(args=[_, _, *_] as args) if any(
-                _named(a, lists)
-                and a.id in order.changes(*(b for b in args if b is not a))  # type: ignore[attr-defined]
-                for a in args
-            ):
-                yield (
-                    n,
-                    "a list, and what changes it, as arguments of one call",
-                    "change it before",
-                )
-            case ast.Return(value=ast.Name(id=name)) if name in lists & arguments:
-                yield (
-                    n,
-                    f"{name} is changed and returned",
-                    "change it alone, or tuple(...) of it",
-                )
-            case ast.Assign(targets=[ast.Attribute()], value=value) if _named(
-                value, lists
-            ):
-                yield n, "a second name for a list that changes", "list(...) copies it"
-            case ast.Assign(targets=[ast.Name(id=name)], value=value) if name in lists:
-                creates_list = isinstance(
-                    value, (ast.List, ast.ListComp, ast.BinOp, ast.Name)
-                )
-                if isinstance(value, ast.Call):
-                    shares = any(isinstance(a, ast.Name) for a in value.args)
-                    creates_list = _named(value.func, {"list"}) or not shares
-                if not creates_list:
-                    yield n, f"{name} may be another list, too", "list(...) copies it"
-            case ast.FunctionDef() if n is not node and reads(n) & lists & _outside(
-                node, n
-            ):
-                (name, *_) = sorted(reads(n) & lists & _outside(node, n))
-                yield (
-                    n,
-                    f"{n.name} uses {name}, a list that changes",
-                    "give it as an argument",
-                )
-            case ast.Try(body=body, handlers=handlers):
-                stored = {x for s in body for x in order.changes(s) if "." not in x}
-                for h in handlers:
-                    if used := sorted(stored & {x for s in h.body for x in reads(s)}):
-                        yield (
-                            h,
-                            f"{used[0]} is assigned in the try and used in its except",
-                            ("keep to what was known before"),
-                        )
-        for c in getattr(n, "generators", ()) if isinstance(n, _COMPREHENSIONS) else ():
-            rest = [n.elt, *c.ifs, *(x for g in n.generators for x in (g.iter, *g.ifs))]  # type: ignore[attr-defined]
-            if clash := sorted(reads(c.iter) & order.changes(*rest)):
-                yield (
-                    n,
-                    f"{clash[0]} changes in a loop over it",
-                    "a tuple of it, before",
-                )
+        yield from _refused_targets(order, n)
+        yield from _refused_assignments(n, lists)
+        yield from _refused_aliases(n, lists)
+        yield from _refused_calls(order, n, lists)
+        yield from _refused_returns(n, lists & arguments)
+        if n is not node:
+            yield from _refused_captures(node, n, lists)
+        yield from _refused_handlers(order, n)
+        yield from _refused_comprehensions(order, n)
+
+
+def _refused_targets(order: Order, n: ast.AST) -> Iterator[tuple[ast.AST, str, str]]:
+    """Yield a target or an index whose calls change something."""
+    match n:
+        case ast.AugAssign(target=target) if order.calls_change(target):
+            yield n, "a call that changes something, in a target", "call it before"
+        case ast.Subscript(slice=index) if order.calls_change(index):
+            yield n, "a call that changes something, in an index", "call it before"
+
+
+def _refused_assignments(
+    n: ast.AST, lists: set[str]
+) -> Iterator[tuple[ast.AST, str, str]]:
+    """Yield an assignment that gives a list a second name."""
+    match n:
+        case ast.Assign(targets=[_, _, *_] as targets) if any(
+            isinstance(t, ast.Subscript) for t in targets
+        ):
+            yield n, "an element among several targets", "an assignment for each"
+        case ast.Assign(targets=[ast.Attribute()], value=value) if _named(value, lists):
+            yield n, "a second name for a list that changes", "list(...) copies it"
+        case ast.Assign(targets=[ast.Name(id=name)], value=value) if name in lists:
+            if not _creates_list(value):
+                yield n, f"{name} may be another list, too", "list(...) copies it"
+
+
+def _creates_list(value: ast.expr) -> bool:
+    """Return whether an expression assigned to a list makes no second name of one."""
+    if isinstance(value, ast.Call):
+        shares = any(isinstance(a, ast.Name) for a in value.args)
+        return _named(value.func, {"list"}) or not shares
+    return isinstance(value, (ast.List, ast.ListComp, ast.BinOp, ast.Name))
+
+
+def _refused_aliases(n: ast.AST, lists: set[str]) -> Iterator[tuple[ast.AST, str, str]]:
+    """Yield an expression through which a list would be reached by a second name."""
+    match n:
+        case ast.IfExp(body=a, orelse=b) if _named(a, lists) or _named(b, lists):
+            yield n, "a second name for a list that changes", "list(...) copies it"
+        case ast.Tuple(elts=elements) | ast.List(elts=elements) if any(
+            _named(e, lists) and isinstance(e.ctx, ast.Load)  # type: ignore[attr-defined]
+            for e in elements
+        ):
+            yield n, "a list that changes, within another one", "tuple(...) copies it"
+
+
+def _refused_calls(
+    order: Order, n: ast.AST, lists: set[str]
+) -> Iterator[tuple[ast.AST, str, str]]:
+    """Yield a call that gets a list together with an argument that changes it."""
+    match n:
+        case ast.Call(args=[_, _, *_] as args) if any(
+            _named(a, lists) and a.id in order.changes(*(b for b in args if b is not a))  # type: ignore[attr-defined]
+            for a in args
+        ):
+            yield (
+                n,
+                "a list, and what changes it, as arguments of one call",
+                "change it before",
+            )
+
+
+def _refused_returns(
+    n: ast.AST, changed_arguments: set[str]
+) -> Iterator[tuple[ast.AST, str, str]]:
+    """Yield a return of an argument whose elements the function assigns."""
+    match n:
+        case ast.Return(value=ast.Name(id=name)) if name in changed_arguments:
+            yield (
+                n,
+                f"{name} is changed and returned",
+                "change it alone, or tuple(...) of it",
+            )
+
+
+def _refused_captures(
+    node: ast.FunctionDef, n: ast.AST, lists: set[str]
+) -> Iterator[tuple[ast.AST, str, str]]:
+    """Yield a function within `node` that uses one of its lists."""
+    if not isinstance(n, ast.FunctionDef):
+        return
+    captured_lists = sorted(reads(n) & lists & _outside(node, n))
+    if captured_lists:
+        yield (
+            n,
+            f"{n.name} uses {captured_lists[0]}, a list that changes",
+            "give it as an argument",
+        )
+
+
+def _refused_handlers(order: Order, n: ast.AST) -> Iterator[tuple[ast.AST, str, str]]:
+    """Yield each except clause that uses a variable assigned in its try."""
+    if not isinstance(n, ast.Try):
+        return
+    stored: set[str] = set()
+    for s in n.body:
+        stored |= {x for x in order.changes(s) if "." not in x}
+    for h in n.handlers:
+        used: set[str] = set()
+        for s in h.body:
+            used |= stored & reads(s)
+        if used:
+            yield (
+                h,
+                f"{min(used)} is assigned in the try and used in its except",
+                "keep to what was known before",
+            )
+
+
+def _refused_comprehensions(
+    order: Order, n: ast.AST
+) -> Iterator[tuple[ast.AST, str, str]]:
+    """Yield a comprehension for each sequence that changes while it runs over it."""
+    if not isinstance(n, _COMPREHENSIONS):
+        return
+    for c in n.generators:
+        rest = [n.elt, *c.ifs]
+        for g in n.generators:
+            rest += [g.iter, *g.ifs]
+        if clash := sorted(reads(c.iter) & order.changes(*rest)):
+            yield n, f"{clash[0]} changes in a loop over it", "a tuple of it, before"
 
 
 def _walk(node: ast.AST) -> Iterator[ast.AST]:

@@ -375,6 +375,28 @@ class Program:
 
     def function(self, spec: Spec) -> Iterable[str]:
         """Yield the lines of a function in C, with its docstring as a comment."""
+        yield from self._comment_lines(spec)
+        yield self.head(spec)
+        yield "{"
+        if spec.self_captured:
+            yield f"    {BLOCK} *self = all->self;"
+        if spec.memo:
+            yield from self._memo_lines(spec)
+        for n in sorted(spec.hoisted):
+            t = spec.variables[n]
+            if not _is_nothing(t):
+                zero = "0" if isinstance(t, Scalar) else "{0}"
+                yield f"    {self.names(t)} {safe(n)} = {zero};"
+        if spec.recursive:
+            yield "    py_recursion();"
+        yield from self._unused_argument_lines(spec)
+        yield from spec.lines
+        if spec.end_reached and spec.result not in (NONE, NEVER):
+            yield f"    return ({self.names(spec.result)}){{0}};"
+        yield "}"
+
+    def _comment_lines(self, spec: Spec) -> Iterable[str]:
+        """Yield the comment above a function: its place in Python and its docstring."""
         doc = ast.get_docstring(spec.node)
         place = f"{spec.place}:{spec.node.lineno}"
         if doc:
@@ -384,41 +406,28 @@ class Program:
             yield "*/"
         else:
             yield f"/* {place} */"
-        yield self.head(spec)
-        yield "{"
-        if spec.self_captured:
-            yield f"    {BLOCK} *self = all->self;"
-        if spec.memo:
-            members = " ".join(f"{self.names(t)} {safe(n)};" for n, t in spec.arguments)
-            kind = self.names(spec.result)
-            yield f"    static PY_THREAD struct {{ bool known; {members} {kind} value; }} memo;"
-            same = " && ".join(
-                f"memo.{safe(n)} == {safe(n)}" for n, _ in spec.arguments
-            )
-            yield f"    if (memo.known && {same})"
-            yield "        return &memo.value;"
-            yield "    memo.known = false;"
-            for n, _ in spec.arguments:
-                yield f"    memo.{safe(n)} = {safe(n)};"
-        for n in sorted(spec.hoisted):
-            t = spec.variables[n]
-            if not _is_nothing(t):
-                zero = "0" if isinstance(t, Scalar) else "{0}"
-                yield f"    {self.names(t)} {safe(n)} = {zero};"
-        if spec.recursive:
-            yield "    py_recursion();"
-        for n in ("self",) if spec.takes_self else ():
-            if not _stands(n, spec.lines):
-                yield f"    (void){n};"
+
+    def _memo_lines(self, spec: Spec) -> Iterable[str]:
+        """Yield the lines that return the last result if the arguments are the same."""
+        members = " ".join(f"{self.names(t)} {safe(n)};" for n, t in spec.arguments)
+        kind = self.names(spec.result)
+        yield f"    static PY_THREAD struct {{ bool known; {members} {kind} value; }} memo;"
+        same = " && ".join(f"memo.{safe(n)} == {safe(n)}" for n, _ in spec.arguments)
+        yield f"    if (memo.known && {same})"
+        yield "        return &memo.value;"
+        yield "    memo.known = false;"
+        for n, _ in spec.arguments:
+            yield f"    memo.{safe(n)} = {safe(n)};"
+
+    def _unused_argument_lines(self, spec: Spec) -> Iterable[str]:
+        """Yield a line for each argument that the C does not use, against a warning."""
+        if spec.takes_self and not _stands("self", spec.lines):
+            yield "    (void)self;"
         for k, (n, _) in enumerate(spec.arguments):
             if spec.consts[k] is None and not _stands(safe(n), spec.lines):
                 t = spec.types[k]
                 if not (isinstance(t, Function) and not t.callees[0].captured):
                     yield f"    (void){safe(n)};"
-        yield from spec.lines
-        if spec.end_reached and spec.result not in (NONE, NEVER):
-            yield f"    return ({self.names(spec.result)}){{0}};"
-        yield "}"
 
     def description(self, name: str, guid: str) -> Iterable[str]:
         """Yield the start values, the table of variables and the entry functions."""

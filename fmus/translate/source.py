@@ -124,12 +124,17 @@ class Info:
         if callee.bound:
             pairs = pairs[1:]
         self.parameters = [(a.arg, v) for a, v in pairs]
-        self.annotated: list[Type | None] = []
-        self.optional: list[bool] = []
-        for a, _ in pairs:
-            t, optional = self._annotation(a.annotation)
-            self.annotated.append(t)
-            self.optional.append(optional)
+        annotations = [self._annotation(a.annotation) for a, _ in pairs]
+        self.annotated: list[Type | None] = [t for t, _ in annotations]
+        self.optional: list[bool] = [optional for _, optional in annotations]
+        constants = self._find_slice_bounds()
+        self.wants_constant = [a in constants for a, _ in self.parameters]
+        self.is_constant: Any = None
+        if self.cached and not self.parameters:
+            self.is_constant = callee.function()
+
+    def _find_slice_bounds(self) -> set[str]:
+        """Return the names in slices that the function never assigns."""
         in_slices = {
             n.id
             for s in ast.walk(self.node)
@@ -142,10 +147,7 @@ class Info:
             for n in ast.walk(self.node)
             if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
         }
-        self.wants_constant = [a in in_slices - assigned for a, _ in self.parameters]
-        self.is_constant: Any = None
-        if self.cached and not self.parameters:
-            self.is_constant = callee.function()
+        return in_slices - assigned
 
     def _annotation(self, node: ast.expr | None) -> tuple[Type | None, bool]:
         """Return the type of an annotation and whether it admits None."""
@@ -194,6 +196,114 @@ def of_annotation(thing: Any) -> tuple[Type | None, bool]:
     return None, thing is typing.Any
 
 
+class NameUses:
+    """Where a function uses its local names.
+
+    For each name it records how often it is assigned, whether in a loop, and in which
+    block of statements.
+    """
+
+    def __init__(self, body: list[ast.stmt]) -> None:
+        self.stores: Counter[str] = Counter()
+        self.changed_in_place: set[str] = set()
+        self.in_loops: set[str] = set()
+        self.lines: dict[str, list[int]] = {}
+        self._paths: dict[str, list[tuple[int, ...]]] = {}
+        self._first_stores: dict[str, tuple[tuple[int, ...], int]] = {}
+        self._record_block(body, (), False)
+
+    def find_inline_declarations(self) -> dict[int, set[str]]:
+        """Return, by node, the names that can be declared at their first assignment."""
+        inline: dict[int, set[str]] = {}
+        for name, (path, node) in self._first_stores.items():
+            paths = self._paths[name]
+            common = paths[0]
+            for other in paths:
+                common = _common_start(common, other)
+            if common == path and paths[0] == path:
+                inline.setdefault(node, set()).add(name)
+        return inline
+
+    def _record_block(
+        self, body: list[ast.stmt], path: tuple[int, ...], loop: bool
+    ) -> None:
+        """Record the names of a block of statements and of the blocks within it."""
+        block_path = (*path, id(body))
+        for s in body:
+            if isinstance(s, ast.FunctionDef):
+                bound = frozenset(a.arg for a in s.args.args)
+                self._record_names(s, block_path, loop, bound)
+                continue
+            inner_blocks = _inner_blocks(s)
+            inside: set[int] = set()
+            for block in inner_blocks:
+                inside |= {id(x) for x in block}
+            for child in ast.iter_child_nodes(s):
+                if id(child) in inside or isinstance(child, ast.ExceptHandler):
+                    continue
+                self._record_names(child, block_path, loop, frozenset())
+            if isinstance(s, ast.AugAssign) and isinstance(s.target, ast.Name):
+                self.stores[s.target.id] += 1
+            for block in inner_blocks:
+                in_loop = loop or isinstance(s, (ast.For, ast.While))
+                self._record_block(block, block_path, in_loop)
+
+    def _record_names(
+        self, node: ast.AST, path: tuple[int, ...], loop: bool, bound: frozenset[str]
+    ) -> None:
+        """Record the names of an expression, except those a comprehension binds."""
+        bound = bound | _bound_names(node)
+        if isinstance(node, ast.Name) and node.id not in bound:
+            self._record_name(node, path, loop)
+        if (
+            isinstance(node, ast.Subscript)
+            and isinstance(node.ctx, ast.Store)
+            and isinstance(node.value, ast.Name)
+        ):
+            self.changed_in_place.add(node.value.id)
+        for child in ast.iter_child_nodes(node):
+            self._record_names(child, path, loop, bound)
+
+    def _record_name(self, node: ast.Name, path: tuple[int, ...], loop: bool) -> None:
+        """Record one use of a local name."""
+        if isinstance(node.ctx, ast.Store):
+            self.stores[node.id] += 1
+            if loop:
+                self.in_loops.add(node.id)
+            self._first_stores.setdefault(node.id, (path, id(node)))
+        self._paths.setdefault(node.id, []).append(path)
+        self.lines.setdefault(node.id, []).append(node.lineno)
+
+
+def _inner_blocks(s: ast.stmt) -> list[list[ast.stmt]]:
+    """Return the blocks of statements directly within a statement."""
+    if not isinstance(s, (ast.If, ast.For, ast.While, ast.Try)):
+        return []
+    blocks = [block for block in (s.body, s.orelse) if block]
+    if isinstance(s, ast.Try):
+        blocks += [h.body for h in s.handlers]
+    return blocks
+
+
+def _bound_names(node: ast.AST) -> set[str]:
+    """Return the names that a comprehension or lambda binds."""
+    if isinstance(node, ast.Lambda):
+        return {a.arg for a in node.args.args}
+    names: set[str] = set()
+    if isinstance(node, (ast.GeneratorExp, ast.ListComp)):
+        for g in node.generators:
+            names |= {n.id for n in ast.walk(g.target) if isinstance(n, ast.Name)}
+    return names
+
+
+def _common_start(a: tuple[int, ...], b: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the longest start that two paths share."""
+    k = 0
+    while k < min(len(a), len(b)) and a[k] == b[k]:
+        k += 1
+    return a[:k]
+
+
 class Spec:
     """A function for given argument types, and what the passes find out about it."""
 
@@ -229,101 +339,27 @@ class Spec:
         self.recursive = False
         self.end_reached = False
         self.busy = False
-        self._places()
+        self._find_places()
 
     @property
     def top(self) -> set[str]:
         """Return the variables that are declared at the top of the function."""
         return self.hoisted
 
-    def _places(self) -> None:
-        """Find where each local name is used.
-
-        For each name it records how often it is assigned, whether in a loop, and in
-        which block of statements.
-        """
-        self.stores: Counter[str] = Counter()
-        self.changed_in_place: set[str] = set()
-        self.in_loops: set[str] = set()
-        self.inline: dict[int, set[str]] = {}
-        paths: dict[str, list[tuple[int, ...]]] = {}
-        firsts: dict[str, tuple[tuple[int, ...], int]] = {}
-        self._lines: dict[str, list[int]] = {}
-
-        def names(
-            node: ast.AST, path: tuple[int, ...], loop: bool, bound: frozenset[str]
-        ) -> None:
-            """Record the names of an expression, except those a comprehension binds."""
-            if isinstance(node, (ast.GeneratorExp, ast.ListComp, ast.Lambda)):
-                inner = {
-                    n.id
-                    for g in getattr(node, "generators", [])
-                    for n in ast.walk(g.target)
-                    if isinstance(n, ast.Name)
-                }
-                if isinstance(node, ast.Lambda):
-                    inner = {a.arg for a in node.args.args}
-                bound = bound | inner
-            if isinstance(node, ast.Name) and node.id not in bound:
-                if isinstance(node.ctx, ast.Store):
-                    self.stores[node.id] += 1
-                    if loop:
-                        self.in_loops.add(node.id)
-                    firsts.setdefault(node.id, (path, id(node)))
-                paths.setdefault(node.id, []).append(path)
-                self._lines.setdefault(node.id, []).append(node.lineno)
-            if (
-                isinstance(node, ast.Subscript)
-                and isinstance(node.ctx, ast.Store)
-                and isinstance(node.value, ast.Name)
-            ):
-                self.changed_in_place.add(node.value.id)
-            for child in ast.iter_child_nodes(node):
-                names(child, path, loop, bound)
-
-        def block(body: list[ast.stmt], path: tuple[int, ...], loop: bool) -> None:
-            """Record the names of a block of statements and of the blocks within it."""
-            here = (*path, id(body))
-            for s in body:
-                if isinstance(s, ast.FunctionDef):
-                    names(s, here, loop, frozenset(a.arg for a in s.args.args))
-                    continue
-                lists = [
-                    getattr(s, f)
-                    for f in ("body", "orelse")
-                    if isinstance(s, (ast.If, ast.For, ast.While, ast.Try))
-                    and getattr(s, f, None)
-                ]
-                if isinstance(s, ast.Try):
-                    lists += [h.body for h in s.handlers]
-                inside = {id(x) for b in lists for x in b}
-                for child in ast.iter_child_nodes(s):
-                    if id(child) not in inside and not isinstance(
-                        child, ast.ExceptHandler
-                    ):
-                        names(child, here, loop, frozenset())
-                if isinstance(s, ast.AugAssign) and isinstance(s.target, ast.Name):
-                    self.stores[s.target.id] += 1
-                for b in lists:
-                    block(b, here, loop or isinstance(s, (ast.For, ast.While)))
-
-        block(self.node.body, (), False)
-        for name, (path, node) in firsts.items():
-            common = paths[name][0]
-            for other in paths[name]:
-                k = 0
-                while k < min(len(common), len(other)) and common[k] == other[k]:
-                    k += 1
-                common = common[:k]
-            if common == path and paths[name][0] == path:
-                self.inline.setdefault(node, set()).add(name)
-        own_names = {a for a, _ in self.arguments}
-        for s in ast.walk(
-            self.node
-        ):  # a list counts as changed where a function that gets it changes it
-            if isinstance(s, ast.Call):
-                self._passed(s, own_names)
-        self.locals_names = {*self.stores, *own_names}
+    def _find_places(self) -> None:
+        """Find where each local name is used, and how each argument is passed."""
+        uses = NameUses(self.node.body)
+        self.stores = uses.stores
+        self.changed_in_place = uses.changed_in_place
+        self.in_loops = uses.in_loops
+        self.inline = uses.find_inline_declarations()
+        self._lines = uses.lines
+        parameters = {a for a, _ in self.arguments}
+        # a list counts as changed where a function that gets it changes it
+        for call in ast.walk(self.node):
+            if isinstance(call, ast.Call):
+                self._passed(call, parameters)
+        self.locals_names = {*self.stores, *parameters}
         self.by_address = {
             n
             for (n, t) in self.arguments

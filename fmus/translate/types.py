@@ -114,12 +114,31 @@ def join(a: Type, b: Type) -> Type:
         y = b.item if isinstance(b, Maybe) else b
         return Maybe(join(x, y))
     if isinstance(a, Scalar) and isinstance(b, Scalar):
-        pair = {a, b}
-        if pair == {B, I}:
-            return I
-        if pair == {I, U}:
-            return U
-        raise JoinError(f"{a} and {b}")
+        return _join_scalars(a, b)
+    if isinstance(a, Function) and isinstance(b, Function):
+        return _join_functions(a, b)
+    return _join_sequences(a, b)
+
+
+def _join_scalars(a: Scalar, b: Scalar) -> Type:
+    """Return the common type of two different scalars."""
+    pair = {a, b}
+    if pair == {B, I}:
+        return I
+    if pair == {I, U}:
+        return U
+    raise JoinError(f"{a} and {b}")
+
+
+def _join_functions(a: Function, b: Function) -> Type:
+    """Return the type of a function value with the callees of both."""
+    if any(c.captured for c in (*a.callees, *b.callees)):
+        raise JoinError("two functions that capture variables")
+    return Function(tuple(dict.fromkeys((*a.callees, *b.callees))))
+
+
+def _join_sequences(a: Type, b: Type) -> Type:
+    """Return the common type of two tuples or lists."""
     if isinstance(a, Tuple) and isinstance(b, Tuple) and len(a.items) == len(b.items):
         return Tuple(
             tuple(join(x, y) for x, y in zip(a.items, b.items, strict=True)),
@@ -130,10 +149,6 @@ def join(a: Type, b: Type) -> Type:
         return List(item, max(most(a), most(b)))
     if isinstance(a, Array) and isinstance(b, Array) and a.size == b.size:
         return Array(join(a.item, b.item), a.size)
-    if isinstance(a, Function) and isinstance(b, Function):
-        if any(c.captured for c in (*a.callees, *b.callees)):
-            raise JoinError("two functions that capture variables")
-        return Function(tuple(dict.fromkeys((*a.callees, *b.callees))))
     raise JoinError(f"{shown(a)} and {shown(b)}")
 
 

@@ -97,14 +97,7 @@ def constant(x: Any) -> Value | None:
     if isinstance(x, bool):
         return Value(B, "true" if x else "false", const=x, again=True)
     if isinstance(x, int):
-        if not -(2**63) <= x < 2**64:
-            return None
-        if x > 2**63 - 1:
-            return Value(U, f"UINT64_C(0x{x:X})", const=x, again=True)
-        code = str(x) if abs(x) < 2**31 else f"INT64_C({x})"
-        return Value(
-            I, code, ATOM if x >= 0 else UNARY, const=x, low=x, high=x, again=True
-        )
+        return _integer_constant(x)
     if isinstance(x, float):
         code = number(x)
         return Value(
@@ -113,20 +106,35 @@ def constant(x: Any) -> Value | None:
     if isinstance(x, str):
         return Value(S, c_text(x), const=x, again=True)
     if isinstance(x, tuple):
-        parts = [constant(e) for e in x]
-        if any(p is None for p in parts):
-            return None
-        if not parts:
-            return Value(List(NEVER, 0), "", const=(), parts=(), again=True)
-        names = tuple(getattr(type(x), "_fields", ()))
-        return Value(
-            Tuple(tuple(p.type for p in parts if p), names),
-            "",
-            const=x,
-            parts=tuple(p for p in parts if p),
-            again=True,
-        )
+        return _tuple_constant(x)
     return None
+
+
+def _integer_constant(x: int) -> Value | None:
+    """Return an integer as a value, or None if it has more than 64 bits."""
+    if not -(2**63) <= x < 2**64:
+        return None
+    if x > 2**63 - 1:
+        return Value(U, f"UINT64_C(0x{x:X})", const=x, again=True)
+    code = str(x) if abs(x) < 2**31 else f"INT64_C({x})"
+    return Value(I, code, ATOM if x >= 0 else UNARY, const=x, low=x, high=x, again=True)
+
+
+def _tuple_constant(x: tuple[Any, ...]) -> Value | None:
+    """Return a tuple as a value, or None if the subset lacks an element's type."""
+    parts = [constant(e) for e in x]
+    if any(p is None for p in parts):
+        return None
+    if not parts:
+        return Value(List(NEVER, 0), "", const=(), parts=(), again=True)
+    names = tuple(getattr(type(x), "_fields", ()))
+    return Value(
+        Tuple(tuple(p.type for p in parts if p), names),
+        "",
+        const=x,
+        parts=tuple(p for p in parts if p),
+        again=True,
+    )
 
 
 def uniform_constant(x: Any) -> Type | None:
