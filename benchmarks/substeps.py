@@ -37,7 +37,7 @@ def crafts(count: int, seed: int, into: Path) -> Iterator[tuple[str, Path]]:
     for i in range(count):
         folder = into / f"craft{i}"
         if i % 3 < 2:
-            facts = sizing.drawn_wanted(1000 * seed + i)
+            facts = sizing.draw_craft_facts(1000 * seed + i)
             new_craft.write(folder, facts, "desat new craft")
             yield "coils", folder
         else:

@@ -7,6 +7,7 @@ inside.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import sqrt
 
 from ..contract.block import Mat33, Vec3
@@ -20,6 +21,7 @@ _SHIFT = 0.5
 _DOUBLINGS = 30  # as many as LEAST_DECAY needs; eight are usual
 
 
+@lru_cache(maxsize=1)  # A sizing asks for several momenta in the same field.
 def infinite_gain(w: Mat33, s: Mat33, f: Mat33) -> Mat33 | None:
     """Solve W'K + K W - K S K + F = 0 for the K that makes W - S K stable.
 

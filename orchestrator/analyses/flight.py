@@ -23,8 +23,12 @@ from desat.components.physics.orbit import lvlh_attitude
 from desat.components.physics.rod import warm
 from desat.fmus.registry import names
 
+from ..engine.instances.base import Clock, ComponentError
+from ..engine.instances.fmu import FmuInstance
+from ..files import library
 from ..numbers.derived import coil_impulse, cross, from_body, rotate_back
 from ..system.errors import DesatError
+from ..system.interface import KINDS, Kind, Signal
 from ..system.model import Component, System, Values
 from ..system.parameters import Parameter, bare_block, table
 from ..system.wheels import axes_of, capacities, existing
@@ -526,32 +530,81 @@ def _given_torque(
     return np.array(total)
 
 
+ENVIRONMENT_OUTPUTS = ("r_eci", "v_eci", "b_eci", "sun_eci", "sunlight", "density")
+
+
 def inputs_at(block: Block, times: Sequence[float]) -> dict[str, Array]:
     """Compute the outputs of an environment at successive times (s).
 
-    Each is (times, elements).
+    Each is (times, elements). The native FMU of the block makes them where there is
+    one, which gives the same bits in a tenth of the time.
 
     Raises
     ------
     DesatError
         If the environment does not cover a time.
     """
-    every = ("r_eci", "v_eci", "b_eci", "sun_eci", "sunlight", "density")
-    series: dict[str, list[Any]] = {name: [] for name in every}
-    last = None
+    rows = _rows_of_fmu(block, times)
+    if rows is None:
+        rows = _rows_of_block(block, times)
+    found, first = {}, 0
+    for name in ENVIRONMENT_OUTPUTS:
+        size = np.size(getattr(block, name))
+        found[name] = rows[:, first : first + size]
+        first += size
+    return found
+
+
+def _rows_of_block(block: Block, times: Sequence[float]) -> Array:
+    """Compute the outputs of an environment, (times, elements), by its Python."""
+    rows, last = [], None
     try:
         for t in times:
             if last is not None:
                 block.advance(last, t - last)
             block.output(t)
             last = t
-            for name, rows in series.items():
-                rows.append(getattr(block, name))
+            rows.append(np.hstack([getattr(block, n) for n in ENVIRONMENT_OUTPUTS]))
     except BlockError as error:
         raise DesatError(str(error)) from error
-    return {
-        k: np.reshape(np.array(x, float), (len(times), -1)) for k, x in series.items()
-    }
+    return np.array(rows, float)
+
+
+def _rows_of_fmu(block: Block, times: Sequence[float]) -> Array | None:
+    """Compute the outputs of an environment, (times, elements), by its native FMU.
+
+    None where there is none, or where it fails: then the Python says why.
+    """
+    model = type(block).__module__.rpartition(".")[2]
+    fmu = library.of_ours(f"{model}.fmu") if model in names() else None
+    if fmu is None or fmu.path.parent.name != "native":
+        return None
+    interface = fmu.interface
+    parameters = [s for s in interface.signals.values() if s.causality == "parameter"]
+    values = block.access([s.reference for s in parameters]).read()
+    start_values = {s.name: x for s, x in zip(parameters, values, strict=True)}
+    outputs = [s for name in ENVIRONMENT_OUTPUTS for s in interface.elements[name]]
+    into: dict[Kind, Array] = {"Real": np.zeros(len(outputs))}
+    clock = Clock(times[0], 0.0)
+    component = Component(model, fmu.path.name, interface, start_values, fmu)
+    instance = FmuInstance(component, fmu)
+    rows = np.empty((len(times), len(outputs)))
+    try:
+        no_inputs: dict[Kind, list[Signal]] = {kind: [] for kind in KINDS}
+        instance.wire(no_inputs, {**no_inputs, "Real": outputs}, into, clock)
+        instance.enter(times[0], start_values)
+        instance.exit()
+        for k, t in enumerate(times):
+            clock.dt.value = t - clock.t.value
+            if (k > 0 and instance.step() > 1) or instance.pull() > 1:
+                return None
+            clock.t.value = t
+            rows[k] = into["Real"]
+    except ComponentError:
+        return None
+    finally:
+        instance.close()
+    return rows
 
 
 def between(inputs: dict[str, Array], nodes: Array, times: Array) -> dict[str, Array]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import inf, pi, sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -240,7 +241,32 @@ def _largest_table_torque(system: System) -> float:
     return float(np.linalg.norm(rows, axis=1).max()) * factor
 
 
+#: Flights of `_orbit` by what they depend on: one command checks a craft many times.
+_orbits: dict[Any, Flight] = {}
+_ORBITS_KEPT = 8
+
+
 def _orbit(system: System) -> Flight:
+    """Fly an orbit, or a day in deep space, at the reference attitude, unmanaged."""
+    roles = ("environment", "spacecraft", "guidance", "disturbance")
+    components = [system.roles[role] for role in roles if role in system.roles]
+    key = (
+        system.start,
+        tuple(
+            (c.name, c.interface.model, tuple(sorted(c.parameters.items())))
+            for c in components
+        ),
+        tuple(map(str, system.connections)),
+        "torquers" in system.roles,
+    )
+    if key not in _orbits:
+        if len(_orbits) >= _ORBITS_KEPT:
+            _orbits.clear()
+        _orbits[key] = _fly_orbit(system)
+    return _orbits[key]
+
+
+def _fly_orbit(system: System) -> Flight:
     """Fly an orbit, or a day in deep space, at the reference attitude, unmanaged."""
     block = environment_block(system.roles["environment"], needless(system))
     first = inputs_at(block, [system.start])

@@ -61,6 +61,8 @@ FAR, FARTHEST = 4, 2 * LEVELS[-1]
 LEAST_FAR = 16  # lower limit of the substeps of the flight that confirms a count
 FREE, LONGEST = 120_000, 6_000  # limits of the substeps, and of the steps, of a flight
 QUICK = 2_000  # limit of the steps of the first flights, with one and two substeps
+LOOSE = 1e-6  # rad: accuracy from which short flights and raised estimates suffice
+CROSSING = 40  # steps of a flight through a wheel's zero
 LOOK = 1_000  # limit of the steps of a flight when a run is checked again
 CARRIED = 2.0  # factor on an estimate that is extrapolated beyond its flight
 ROUGH = 1.5  # estimate over difference, where one of two flights is much finer
@@ -106,7 +108,9 @@ def choose(target: str, system: System, options: Options) -> SubstepChoice | Non
 
 def _choice_of(target: str, system: System, options: Options) -> SubstepChoice:
     """Choose by short flights where these are far below the accuracy, else by long."""
-    quick = _Flights(system, options, 1, QUICK).choice_of_one()
+    quick = None
+    if system.accuracy >= LOOSE:
+        quick = _Flights(system, options, 1, QUICK).choice_of_one()
     return quick or _Flights(system, options, 1, LONGEST).choice(target)
 
 
@@ -150,13 +154,23 @@ def choose_again(
     if found is None:
         return None
     beyond = _beyond(found, choice.reached)
-    if beyond and (grown := _grown(choice, found)) is not None:
-        return grown
-    more = choice
-    for k, text in beyond:
-        state = [results.values(name)[max(0, k - 2)] for name in parts.series[:3]]
-        at = _from(system, float(found.times[max(0, k - 2)]), state)
-        flying = partial(_Flights(at, options, more.substeps, LOOK).choice, target)
+    is_loose = system.accuracy >= LOOSE
+    grown = _grown(choice, found) if beyond and is_loose else None
+    more = choice if grown is None else grown
+    h = results.values(parts.series[2])
+    looks = [(k, text, LOOK) for k, text in beyond] if grown is None else []
+    looks += [
+        (k, f"at t = {found.times[k]:g} s a wheel passes zero", CROSSING)
+        for k in _crossings(h, choice.steps)
+        if is_loose and k < len(found.times)
+    ]
+    for k, text, steps in looks:
+        k = max(0, k - 2)
+        state = [results.values(name)[k] for name in parts.series[:3]]
+        at = _from(system, float(found.times[k]), state)
+        if steps == CROSSING:  # its error is at its largest there, and then decays
+            at = replace(at, stop=min(at.stop, at.start + CROSSING * at.step))
+        flying = partial(_Flights(at, options, more.substeps, steps).choice, target)
         try:
             there = _apart(system, options, flying)
         except ComponentError:
@@ -232,21 +246,31 @@ def _grown(choice: SubstepChoice, found: Reached) -> SubstepChoice | None:
 
     A substep's error is proportional to how fast the body turns and to how much its
     torques change (`analyses/coverage.py`). None where the raised estimate is not below
-    the accuracy, or another actuator may have worked.
+    the accuracy.
     """
     if choice.estimate is None or choice.reached is None:
         return None
-    turning, pushed, changed = (
-        max(1.0, now / max(seen, 1e-15))
-        for now, seen in zip(found.largest(), choice.reached, strict=True)
-    )
-    if pushed > GAIN:  # by an actuator that the flights did not have
-        return None
-    estimate = turning * changed * choice.estimate
+    estimate = choice.estimate
+    for now, seen in zip(found.largest(), choice.reached, strict=True):
+        estimate *= max(1.0, now / max(seen, 1e-15))
     if estimate > choice.accuracy:
         return None
     reached = tuple(map(max, choice.reached, found.largest()))
     return replace(choice, estimate=estimate, reached=reached)  # type: ignore[arg-type]
+
+
+def _crossings(h: Array, after: int) -> list[int]:
+    """Find rows, later than `after`, from which a wheel passes zero (h: N m s).
+
+    At most one of each wheel: the one where its momentum changes fastest.
+    """
+    rows = []
+    for wheel in h[after:].T:
+        passing = np.flatnonzero(wheel[:-1] * wheel[1:] < 0.0)
+        if len(passing):
+            fastest = np.abs(np.diff(wheel)[passing]).argmax()
+            rows.append(after + int(passing[fastest]))
+    return sorted(set(rows))
 
 
 def _beyond(found: Reached, seen: tuple[float, float, float]) -> list[tuple[int, str]]:

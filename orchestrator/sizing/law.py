@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from desat.components.bases.dumping import MomentumDumping, TorquerDumping
 from desat.components.bases.momentum_management import MomentumManagement
-from desat.components.contract.block import Block, BlockError
+from desat.components.contract.block import Block, BlockError, Vec3
 from desat.components.maths.attitude import rotate
+from desat.components.maths.vector import ZERO
 from desat.fmus.registry import block_class, names
 
 from ..analyses.flight import Flight
@@ -28,7 +29,10 @@ from .compatibility import law_name
 
 Array = NDArray[Any]
 ENDLESS = 1e30  # A m2: dipole limit that no law reaches
-PROBES = 24  # samples at which a law is tested for being affine
+PROBES = 24  # samples from which the rate of a law is found
+CHECKED = 100  # rows from one test of a law for memory and being affine to the next
+UNITS: tuple[Vec3, Vec3, Vec3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+OTHER: Vec3 = (0.6, -0.3, 0.8)  # N m s: momentum at which an affine law is tested
 STEP = 10.0  # s: samples of a slow law that are closer are combined
 SLOW = 0.1  # maximum share of the momentum removed between two samples of the model
 
@@ -123,38 +127,46 @@ def ask(law: Law, flight: Flight, rows: Array) -> LinearisedLaw:
         law.block.start()
     except BlockError as error:
         raise UnsuitedError(str(error)) from error
-    looked = set(np.linspace(0, len(rows) - 1, PROBES).astype(int).tolist())
-    gain, offset = np.empty((len(rows), 3, 3)), np.empty((len(rows), 3))
-    other = np.array([0.6, -0.3, 0.8])
-    state, declared = vars(law.block), {v.name for v in law.block.variables}
+    probed = {*range(0, len(rows), CHECKED), len(rows) - 1}
+    state, dump = vars(law.block), law.block.dump
+    answers: list[list[Vec3]] = []
     for k, (t, inputs) in enumerate(_samples(law, flight, rows)):
         state.update(inputs)
+        if k in probed:
+            _check_sample(law, t)
         before = dict(state)
-        undeclared = [key for key in before if key not in declared]
-        answers, memories = [], []
-        for h in (*np.eye(3), *([other] if k in looked else [])):
-            answers.append(_dipole(law, t, h))
-            memories.append([state[key] for key in undeclared])
+        found = []
+        for h in UNITS:
+            found.append(dump(t, t, h)[1][0])
             state.update(before)
-        if any(memory != memories[0] for memory in memories):
-            raise UnsuitedError("it is a law with memory")
-        rest = offset[k] = _dipole(law, t, np.zeros(3))
-        gain[k] = (np.array(answers[:3]) - rest).T
-        if k in looked:
-            miss = np.abs(answers[3] - gain[k] @ other - rest).max()
-            if miss > 1e-9 * np.abs(answers).max():
-                raise UnsuitedError("it is not affine in the momentum")
-    return LinearisedLaw(gain, offset)
+        # the state that this sample leaves, as the field before, is that of the next
+        answers.append([*found, dump(t, t, ZERO)[1][0]])
+    dipoles = np.array(answers)  # (rows, momentum, axis)
+    offset = dipoles[:, 3]
+    gain = (dipoles[:, :3] - offset[:, None]).transpose(0, 2, 1)
+    return LinearisedLaw(np.ascontiguousarray(gain), offset)
 
 
-def _dipole(law: Law, t: float, h: Array) -> Array:
-    """Return the dipole M (A m2, body) at a momentum `h` (N m s) beyond the target.
+def _check_sample(law: Law, t: float) -> None:
+    """Raise UnsuitedError if a law has memory or is not affine in the momentum at t.
 
-    The block keeps the state that the sample leaves in it.
+    The block's inputs are those of the sample; its state is as before afterwards.
     """
-    x, y, z = h.tolist()
-    _, (m, _) = law.block.dump(t, t, (x, y, z))
-    return np.array(m)
+    state, declared = vars(law.block), {v.name for v in law.block.variables}
+    before = dict(state)
+    undeclared = [key for key in before if key not in declared]
+    answers, memories = [], []
+    for h in (*UNITS, OTHER, ZERO):
+        answers.append(np.array(law.block.dump(t, t, h)[1][0]))
+        memories.append([state[key] for key in undeclared])
+        state.update(before)
+    if any(memory != memories[0] for memory in memories):
+        raise UnsuitedError("it is a law with memory")
+    *first, other, rest = answers
+    gain = (np.array(first) - rest).T
+    miss = np.abs(other - gain @ np.array(OTHER) - rest).max()
+    if miss > 1e-9 * np.abs(answers).max():
+        raise UnsuitedError("it is not affine in the momentum")
 
 
 def _samples(
