@@ -18,14 +18,14 @@ from benchmarks.witness import (
     LAWS,
     SERIES,
     STORED,
-    TOLD,
+    STORED_SUMMARY,
     apart,
     ours,
     page,
 )
 from desat.components.physics.orbit import MU
 
-TOLD_OF = json.loads(TOLD.read_text(encoding="utf-8"))
+TOLD_OF = json.loads(STORED_SUMMARY.read_text(encoding="utf-8"))
 MOST = {"light": 1e-10, "orbit": 1e-10}
 """rad, rad/s and N m s; elsewhere 1e-8."""
 

@@ -154,11 +154,15 @@ def test_a_rate_at_its_limit_is_above_it_and_a_wheel_at_its_limit_is_not_driven(
     )
     assert spun == whole  # as fast as is believed, and no faster
     assert (
-        rollout.predict_cost(still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, 6.0, inf)
+        rollout.predict_cost(
+            still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, 6.0, inf
+        )
         == whole
     )
     assert (
-        rollout.predict_cost(still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, 5.0, inf)
+        rollout.predict_cost(
+            still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, 5.0, inf
+        )
         == inf
     )
     u, limit = (1e-3, -1e-3, 1e-3, -1e-3), 0.1

@@ -20,9 +20,12 @@ from test_checkpoint import broken
 from benchmarks.validation.estimate import difference
 from benchmarks.validation.reference import Gyrostat
 from desat.analyses import coverage
+from desat.begin import craft as new_craft
+from desat.begin.facts import CraftFacts
 from desat.campaign.case import row
 from desat.campaign.draws import draws
 from desat.campaign.plan import CampaignPlan, digest_of, read
+from desat.cli.commands import run as run_command
 from desat.export.packing import pack_scenario
 from desat.files import library, scenario
 from desat.numbers.derived import pointing
@@ -578,3 +581,50 @@ def test_draws_sweeps_and_campaigns_take_substeps_as_a_run_does(desat, tmp_path)
         2,
         "error: --substeps none: an integer or auto is needed\n",
     )
+
+
+def test_a_new_craft_states_an_error_that_is_not_exceeded(tmp_path, monkeypatch):
+    """At a loose accuracy by short flights: stated, and at most a few times too large."""
+    monkeypatch.chdir(tmp_path)
+    new_craft.write(
+        Path("mine"),
+        CraftFacts(size="12U", altitude="400km", inclination="51.6deg", rods="0.2"),
+        "desat new craft",
+    )
+    options = Options(stop=6000.0)
+    run = simulate(prepare("mine", options))
+    choice = run.manifest.substep_choice
+    assert choice is not None
+    assert choice.substeps == 1
+    assert choice.steps == substep_choice.QUICK
+    truth = simulate(prepare("mine", replace(options, substeps=64)))
+    q, exact = (r.results.values("spacecraft.q_bi") for r in (run, truth))
+    error = math.radians(pointing(q, exact).max())
+    assert error < choice.estimate < 6.0 * error
+    line = run_command.substeps_line(run.manifest)
+    assert line.startswith("1 substep a step: the attitude errs by ")
+    assert "accuracy 1e-05 rad" in line
+
+
+def test_the_fastest_passage_of_each_wheel_through_zero_is_looked_at():
+    t = np.arange(20.0)
+    h = np.stack([t - 4.5, 0.1 * t - 1.05, 1.0 + 0.0 * t, 3.0 * (t - 8.5)], axis=1)
+    h[15:, 0] = -5.0  # faster than at 4
+    assert substep_choice._crossings(h, 0) == [8, 10, 14]
+    assert substep_choice._crossings(h, 9) == [10, 14]
+    assert substep_choice._crossings(h, 18) == []
+
+
+def test_a_raised_estimate_needs_no_second_flight_below_the_accuracy():
+    seen = (0.1, 1e-3, 1e-4)
+    choice = substep_choice.SubstepChoice(1, 1e-5, 1e-7, reached=seen)
+
+    def reached(turning, pushed, changed):
+        rows = (np.array([0.0, x]) for x in (turning, pushed, changed))
+        return coverage.Reached(np.array([0.0, 1.0]), *rows)
+
+    grown = substep_choice._grown(choice, reached(0.2, 1e-3, 3e-4))
+    assert grown is not None
+    assert grown.estimate == pytest.approx(6e-7)
+    assert grown.reached == pytest.approx((0.2, 1e-3, 3e-4))
+    assert substep_choice._grown(choice, reached(2.0, 1e-3, 1e-3)) is None
