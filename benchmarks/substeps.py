@@ -3,7 +3,7 @@
     python -m benchmarks.substeps --crafts 24 --seed 1
 
 Crafts of `desat new craft` of all kinds fly as written, with the wheels at rest, half
-full and at 80 % of their capacity, and `worst.toml`, for 6,000 steps at most; the truth is
+full and at 80 % of their capacity, and `worst.toml`; the truth is
 the same run with 64 substeps, or four times its own. Prints a line a run, and how many true errors are above
 the stated one, or below a fifth of it and above 1e-9 rad.
 """
@@ -27,7 +27,6 @@ from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
 
 TRUTH = 64  # substeps
-STEPS = 6_000  # of a run
 FILLS = (0.0, 0.5, 0.8)  # of a wheel's capacity at the start
 
 
@@ -47,10 +46,10 @@ def crafts(count: int, seed: int, into: Path) -> Iterator[tuple[str, Path]]:
             yield kind, folder
 
 
-def errors(target: str, fill: float | None) -> tuple[int, float, float]:
+def errors(target: str, fill: float | None, steps: int) -> tuple[int, float, float]:
     """Return the substeps, the stated and the true attitude error (rad) of a run."""
     system, _ = prepare(target, Options()).or_raise()
-    stop = system.start + min(system.stop - system.start, STEPS * system.step)
+    stop = system.start + min(system.stop - system.start, steps * system.step)
     sets = []
     if fill is not None:
         wheels = system.components["wheels"].values
@@ -76,6 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--crafts", type=int, default=24)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--steps", type=int, default=6_000, help="of a run, at most")
     chosen = parser.parse_args(arguments)
     below = above = total = 0
     with tempfile.TemporaryDirectory() as into:
@@ -85,7 +85,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 if not file.is_file():
                     continue
                 try:
-                    substeps, stated, error = errors(str(file), fill)
+                    substeps, stated, error = errors(str(file), fill, chosen.steps)
                 except DesatError as refusal:
                     print(f"{folder.name:8} {kind:22} {scenario:8} {fill}: {refusal}")
                     continue

@@ -9,9 +9,10 @@ count whose estimate is below the system's `accuracy` is compared also with a fl
 integrated in parts of its own). If that confirms it, it is chosen.
 
 A flight covers the whole run if `LONGEST` steps, and `FREE` substeps, are enough.
-Otherwise the estimate is extrapolated: in the proportion in which that of fewer
-substeps has grown from there to the end of the run, or, if no flight has reached that,
-with the power of time by which it has grown so far. Such a run is checked again when it
+Otherwise the estimate is extrapolated: with an accuracy from `LOOSE` on by the trend of
+the differences, which a short flight shows; with a finer one in the proportion in which
+that of fewer substeps has grown from there to the end of the run, or, if no flight has
+reached that, with the power of time by which it has grown so far. Such a run is checked again when it
 is over. Where its body turned faster, was accelerated more, or its torques changed more
 than in the flights, these are repeated from the state recorded there. If they need more
 substeps, the run is repeated from its start.
@@ -60,11 +61,12 @@ LEVELS = tuple(2**i for i in range(10))  # counts to choose from
 FAR, FARTHEST = 4, 2 * LEVELS[-1]
 LEAST_FAR = 16  # lower limit of the substeps of the flight that confirms a count
 FREE, LONGEST = 120_000, 6_000  # limits of the substeps, and of the steps, of a flight
-QUICK = 2_000  # limit of the steps of the first flights, with one and two substeps
+QUICK = 4_000  # limit of the steps of the first flights, with one and two substeps
 LOOSE = 1e-6  # rad: accuracy from which short flights and raised estimates suffice
 CROSSING = 40  # steps of a flight through a wheel's zero
 LOOK = 1_000  # limit of the steps of a flight when a run is checked again
 CARRIED = 2.0  # factor on an estimate that is extrapolated beyond its flight
+BY_TREND = 3.0  # factor on an estimate that is extrapolated by its trend
 ROUGH = 1.5  # estimate over difference, where one of two flights is much finer
 GAIN = 1.2  # a run leaves the range of its flights beyond this factor
 FAR_BELOW = 0.1  # An estimate below this share of the accuracy needs no confirmation.
@@ -110,7 +112,8 @@ def _choice_of(target: str, system: System, options: Options) -> SubstepChoice:
     """Choose by short flights where these are far below the accuracy, else by long."""
     quick = None
     if system.accuracy >= LOOSE:
-        quick = _Flights(system, options, 1, QUICK).choice_of_one()
+        flights = _Flights(system, options, 1, QUICK)
+        quick = flights.choice_of_first(FAR_BELOW * system.accuracy)
     return quick or _Flights(system, options, 1, LONGEST).choice(target)
 
 
@@ -170,7 +173,7 @@ def choose_again(
         at = _from(system, float(found.times[k]), state)
         if steps == CROSSING:  # its error is at its largest there, and then decays
             at = replace(at, stop=min(at.stop, at.start + CROSSING * at.step))
-        flying = partial(_Flights(at, options, more.substeps, steps).choice, target)
+        flying = partial(_choice_there, target, at, options, more.substeps, steps)
         try:
             there = _apart(system, options, flying)
         except ComponentError:
@@ -239,6 +242,17 @@ def decimated(system: System, options: Options) -> Slow | None:
         float(coarse.times[-1]),
         ", ".join(sorted(slow)),
     )
+
+
+def _choice_there(
+    target: str, system: System, options: Options, least: int, steps: int
+) -> SubstepChoice:
+    """Choose at least so many substeps by flights of so many steps."""
+    if steps == CROSSING:
+        flights = _Flights(system, options, least, steps)
+        if (first := flights.choice_of_first(system.accuracy)) is not None:
+            return first
+    return _Flights(system, options, least, steps).choice(target)
 
 
 def _grown(choice: SubstepChoice, found: Reached) -> SubstepChoice | None:
@@ -393,15 +407,18 @@ class _Flights:
         self._longest_error: Array | None = None
         self._steps = 0
 
-    def choice_of_one(self) -> SubstepChoice | None:
-        """Return the choice of one substep, if its error is far below the accuracy."""
-        began = time.process_time()
-        coarse = self.fly(1)
-        estimate, error = self._estimate(coarse, self.fly(2))
+    def choice_of_first(self, limit: float) -> SubstepChoice | None:
+        """Return the choice of the first count, if its error is below `limit` (rad).
+
+        No third flight confirms the estimate, which is larger for that.
+        """
+        began, n = time.process_time(), self._levels[0]
+        coarse = self.fly(n)
+        estimate, error = self._estimate(coarse, self.fly(2 * n))
         estimate *= UNCONFIRMED
-        if estimate > FAR_BELOW * self._system.accuracy:
+        if estimate > limit:
             return None
-        return self._chosen(1, {1: estimate}, coarse, len(error), began)
+        return self._chosen(n, {n: estimate}, coarse, len(error), began)
 
     def choice(self, target: str) -> SubstepChoice:
         """Find the first count that is accurate enough.
@@ -489,12 +506,31 @@ class _Flights:
         (rad).
         """
         many = min(len(coarse.q), len(fine.q))
-        error = np.maximum.accumulate(
-            np.radians(pointing(coarse.q[:many], fine.q[:many]))
-        )
+        differences = np.radians(pointing(coarse.q[:many], fine.q[:many]))
+        error = np.maximum.accumulate(differences)
+        if self._system.accuracy >= LOOSE:
+            return FACTOR * self._carried_by_trend(differences), error
         if self._longest_error is None or many == self._system.steps + 1:
             self._longest_error = error
         return FACTOR * self._carried(error, self._longest_error), error
+
+    def _carried_by_trend(self, differences: Array) -> float:
+        """Extrapolate the largest of a flight's differences (rad) to the run's end.
+
+        With the power of time by which their median has grown from the first half of
+        the flight to the second. A controller holds it where it is, and a single event,
+        as a wheel's passage through zero, is no trend.
+        """
+        largest, last = float(differences.max()), len(differences) - 1
+        if last >= self._system.steps or largest == 0.0:
+            return largest
+        half = len(differences) // 2
+        first, second = (
+            float(np.median(x)) for x in (differences[1:half], differences[half:])
+        )
+        power = log2(second / first) if min(first, second) > 0.0 else 0.0
+        growth = (self._system.steps / last) ** min(max(power, 0.0), STEEPEST)
+        return float(BY_TREND * largest * growth)
 
     def _carried(self, error: Array, error_so_far: Array) -> float:
         """Extrapolate the largest error of a flight to the end of the run (rad)."""

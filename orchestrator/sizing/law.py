@@ -9,7 +9,6 @@ in the closed loop alone.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,6 +31,7 @@ ENDLESS = 1e30  # A m2: dipole limit that no law reaches
 PROBES = 24  # samples from which the rate of a law is found
 CHECKED = 100  # rows from one test of a law for memory and being affine to the next
 UNITS: tuple[Vec3, Vec3, Vec3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+Samples = tuple[list[float], dict[str, Array]]  # times (s), and inputs by name
 OTHER: Vec3 = (0.6, -0.3, 0.8)  # N m s: momentum at which an affine law is tested
 STEP = 10.0  # s: samples of a slow law that are closer are combined
 SLOW = 0.1  # maximum share of the momentum removed between two samples of the model
@@ -127,11 +127,76 @@ def ask(law: Law, flight: Flight, rows: Array) -> LinearisedLaw:
         law.block.start()
     except BlockError as error:
         raise UnsuitedError(str(error)) from error
-    probed = {*range(0, len(rows), CHECKED), len(rows) - 1}
+    samples = _samples(law, flight, rows)
+    dipoles = _ask_at_once(law, samples)
+    if dipoles is None:
+        dipoles = _ask_one_by_one(law, samples)
+    offset = dipoles[:, 3]
+    gain = (dipoles[:, :3] - offset[:, None]).transpose(0, 2, 1)
+    return LinearisedLaw(np.ascontiguousarray(gain), offset)
+
+
+class _Rows(np.ndarray):
+    """Values of all rows, whose comparisons must come out alike in all of them."""
+
+    def __bool__(self) -> bool:
+        plain = self.view(np.ndarray)
+        if plain.all():
+            return True
+        if plain.any():
+            raise ValueError("rows take different branches")
+        return False
+
+
+def _ask_at_once(law: Law, samples: Samples) -> Array | None:
+    """Return the dipoles (rows, 4, 3) at UNITS and ZERO, all rows in one call each.
+
+    The block's own code runs on arrays. None where that is not possible: the law keeps
+    something from sample to sample, its rows take different branches, or it calls a
+    function of single numbers.
+    """
+    times, inputs = samples
+    state = vars(law.block)
+    before = dict(state)
+    declared = {v.name for v in law.block.variables}
+    try:
+        state.update(_sample_of(inputs, 0))
+        kept = {k: x for k, x in state.items() if k not in declared}
+        law.block.dump(times[0], times[0], UNITS[0])
+        if any(state[k] != x for k, x in kept.items()):
+            return None
+        columns = {
+            k: tuple(c.view(_Rows) for c in np.ascontiguousarray(x.T))
+            for k, x in inputs.items()
+        }
+        answers = np.empty((len(times), 4, 3))
+        for i, h in enumerate((*UNITS, ZERO)):
+            state.update(columns)
+            dipole = law.block.dump(times[0], times[0], h)[1][0]
+            for axis, values in enumerate(dipole):
+                answers[:, i, axis] = values
+        state.update(before)
+        for k in _probed(len(times)):
+            state.update(_sample_of(inputs, k))
+            _check_sample(law, times[k])
+            one = [law.block.dump(times[k], times[k], h)[1][0] for h in (*UNITS, ZERO)]
+            if not np.array_equal(answers[k], np.array(one)):
+                return None
+    except (TypeError, ValueError):
+        return None
+    finally:
+        state.update(before)
+    return answers
+
+
+def _ask_one_by_one(law: Law, samples: Samples) -> Array:
+    """Return the dipoles (rows, 4, 3) at UNITS and ZERO, sample by sample."""
+    times, inputs = samples
     state, dump = vars(law.block), law.block.dump
+    probed = set(_probed(len(times)))
     answers: list[list[Vec3]] = []
-    for k, (t, inputs) in enumerate(_samples(law, flight, rows)):
-        state.update(inputs)
+    for k, t in enumerate(times):
+        state.update(_sample_of(inputs, k))
         if k in probed:
             _check_sample(law, t)
         before = dict(state)
@@ -141,10 +206,12 @@ def ask(law: Law, flight: Flight, rows: Array) -> LinearisedLaw:
             state.update(before)
         # the state that this sample leaves, as the field before, is that of the next
         answers.append([*found, dump(t, t, ZERO)[1][0]])
-    dipoles = np.array(answers)  # (rows, momentum, axis)
-    offset = dipoles[:, 3]
-    gain = (dipoles[:, :3] - offset[:, None]).transpose(0, 2, 1)
-    return LinearisedLaw(np.ascontiguousarray(gain), offset)
+    return np.array(answers)
+
+
+def _probed(rows: int) -> list[int]:
+    """Return the rows at which a law is tested."""
+    return [*range(0, rows, CHECKED), rows - 1]
 
 
 def _check_sample(law: Law, t: float) -> None:
@@ -169,24 +236,23 @@ def _check_sample(law: Law, t: float) -> None:
         raise UnsuitedError("it is not affine in the momentum")
 
 
-def _samples(
-    law: Law, flight: Flight, rows: Array
-) -> Iterator[tuple[float, dict[str, Any]]]:
-    """Yield the time (s) and the measured inputs at each row, without errors."""
-    columns = (flight.q, flight.b, flight.r, flight.v, flight.omega)
-    lists = (x[rows].tolist() for x in columns)
-    for t, q, b, r, v, omega in zip(flight.times[rows].tolist(), *lists, strict=True):
-        q, r, v, omega = tuple(q), tuple(r), tuple(v), tuple(omega)
-        yield (
-            t,
-            {
-                "q_bi": q,
-                "b_body": rotate(q, tuple(b)),
-                "r_eci": r,
-                "v_eci": v,
-                "omega_bi_body": omega,
-            },
-        )
+def _samples(law: Law, flight: Flight, rows: Array) -> Samples:
+    """Return the times (s) and the measured inputs of rows, without errors."""
+    q = flight.q[rows]
+    fields = zip(q.tolist(), flight.b[rows].tolist(), strict=True)
+    b_body = [rotate(tuple(a), tuple(b)) for a, b in fields]
+    return flight.times[rows].tolist(), {
+        "q_bi": np.asarray(q, float),
+        "b_body": np.array(b_body, float).reshape(-1, 3),
+        "r_eci": np.asarray(flight.r[rows], float),
+        "v_eci": np.asarray(flight.v[rows], float),
+        "omega_bi_body": np.asarray(flight.omega[rows], float),
+    }
+
+
+def _sample_of(inputs: dict[str, Array], k: int) -> dict[str, tuple[float, ...]]:
+    """Return the inputs of row k, as a block has them."""
+    return {name: tuple(x[k].tolist()) for name, x in inputs.items()}
 
 
 def hold_of(law: Law, flight: Flight, most: float = STEP) -> int:

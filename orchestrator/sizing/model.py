@@ -24,6 +24,7 @@ Array = NDArray[Any]
 # Coils have little effect where the field is below this share of its largest, as far
 # out on an ellipse: duty is over the rest.
 USEFUL = 0.2
+BLOCK = 512  # rows whose sizes are computed together
 SEED = 1  # seed of the tachometers' noise, the same for all rods
 
 
@@ -154,40 +155,71 @@ def fly(
     total = np.stack(
         [np.broadcast_to(t.start, (many * len(m), 3)) for t in tracks]
     ).copy()
-    squares, largest, duty, wheel, peak = (np.zeros(total.shape[:2]) for _ in range(5))
     random = np.random.default_rng(SEED).normal(size=(len(push), 4))
     noise = hardware.noise * random @ hardware.axes_wheel.T
     away = (body + law.target)[:, :, None]
     body = body[:, :, None]
-    for k in range(len(first.times)):
-        turned = total @ to_eci[k]
-        h = turned - body[k]
-        size = np.sqrt(np.einsum("ijk,ijk->ij", h, h))
-        squares += size * size
-        np.maximum(largest, size, out=largest)
-        fullest = np.abs(h @ spread).max(axis=2)
-        np.maximum(peak, fullest, out=peak)
-        if 2 * k >= len(push):
-            np.maximum(wheel, fullest, out=wheel)
-        if k == len(push):
-            break
-        excess = turned - away[k] + noise[k]
-        command = excess @ gain[k] + offset[k][:, None]
-        if law.deadband > 0.0:
-            command[np.sqrt((excess * excess).sum(axis=2)) <= law.deadband] = 0.0
-        if law.limit == "each":
-            command = np.clip(command, -most, most)
-        coils = command @ spare
-        if law.limit == "whole":
-            coils *= np.minimum(
-                1.0, most / np.maximum(np.abs(coils).max(axis=2, keepdims=True), 1e-300)
-            )
-        coils = hardware.open * np.clip(coils, -reach, reach)
-        duty += np.abs(coils).mean(axis=2) * counts[k][:, None]
-        total += external[k] + coils @ push[k]
-    duty /= np.maximum(1, counts.sum(axis=0))[:, None] * most[:, :, 0]
-    rms = np.sqrt(squares / len(first.times))
-    return Course(*(x.reshape(shape) for x in (rms, largest, wheel, duty, peak)))
+    rows, steps = len(first.times), len(push)
+    sums = _Sums(total.shape[:2], steps, spread)
+    for begin in range(0, rows, BLOCK):
+        end = min(begin + BLOCK, rows)
+        momenta = np.empty((end - begin, *total.shape))
+        dipoles = np.zeros((end - begin, *total.shape[:2], spare.shape[1]))
+        for k in range(begin, end):
+            turned = total @ to_eci[k]
+            momenta[k - begin] = turned
+            if k == steps:
+                break
+            excess = turned - away[k] + noise[k]
+            command = excess @ gain[k] + offset[k][:, None]
+            if law.deadband > 0.0:
+                size = np.sqrt((excess * excess).sum(axis=2))
+                command[size <= law.deadband] = 0.0
+            if law.limit == "each":
+                command = np.minimum(np.maximum(command, -most), most)
+            coils = command @ spare
+            if law.limit == "whole":
+                largest = np.abs(coils).max(axis=2, keepdims=True)
+                coils *= np.minimum(1.0, most / np.maximum(largest, 1e-300))
+            coils = hardware.open * np.minimum(np.maximum(coils, -reach), reach)
+            dipoles[k - begin] = coils
+            total += external[k] + coils @ push[k]
+        sums.add(begin, momenta - body[begin:end], dipoles, counts[begin:end])
+    duty = sums.duty / (np.maximum(1, counts.sum(axis=0))[:, None] * most[:, :, 0])
+    rms = np.sqrt(sums.squares / rows)
+    found = (rms, sums.largest, sums.wheel, duty, sums.peak)
+    return Course(*(x.reshape(shape) for x in found))
+
+
+class _Sums:
+    """What a course comes to, block by block of its rows.
+
+    Each array is (tracks, disturbances and rods).
+    """
+
+    def __init__(self, shape: tuple[int, ...], steps: int, spread: Array) -> None:
+        self.squares, self.largest, self.duty = (np.zeros(shape) for _ in range(3))
+        self.wheel, self.peak = np.zeros(shape), np.zeros(shape)
+        self._steps, self._spread = steps, spread
+
+    def add(self, begin: int, h: Array, dipoles: Array, counts: Array) -> None:
+        """Add rows from `begin` on.
+
+        h: momenta of the wheels (rows, tracks, n, 3) N m s; dipoles of the coils (rows,
+        tracks, n, 4) A m2; counts: weights of the steps (steps, tracks).
+        """
+        size = np.sqrt(np.einsum("rijk,rijk->rij", h, h))
+        for row in size * size:  # one by one: the sum's bits must not follow the blocks
+            self.squares += row
+        np.maximum(self.largest, size.max(axis=0), out=self.largest)
+        fullest = np.abs(h @ self._spread).max(axis=3)
+        np.maximum(self.peak, fullest.max(axis=0), out=self.peak)
+        late = fullest[max(0, (self._steps + 1) // 2 - begin) :]
+        if len(late):
+            np.maximum(self.wheel, late.max(axis=0), out=self.wheel)
+        mean = np.abs(dipoles).mean(axis=3)
+        for row, weight in zip(mean[: len(counts)], counts, strict=True):
+            self.duty += row * weight[:, None]
 
 
 def in_body_of(flight: Flight, vectors: Array) -> Array:
