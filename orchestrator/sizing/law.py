@@ -161,9 +161,9 @@ def _ask_at_once(law: Law, samples: Samples) -> Array | None:
     declared = {v.name for v in law.block.variables}
     try:
         state.update(_sample_of(inputs, 0))
-        kept = {k: x for k, x in state.items() if k not in declared}
+        memory = {k: x for k, x in state.items() if k not in declared}
         law.block.dump(times[0], times[0], UNITS[0])
-        if any(state[k] != x for k, x in kept.items()):
+        if any(state[k] != x for k, x in memory.items()):
             return None
         columns = {
             k: tuple(c.view(_Rows) for c in np.ascontiguousarray(x.T))
