@@ -507,8 +507,8 @@ def test_what_is_not_supported_is_refused_by_name(tmp_path, text, said):
 
 def test_what_is_not_handed_on_is_said(folder):
     assert list(library.unused_warnings(system(folder)[0])) == [
-        "a: Binary variables are not handed on: blob",
-        "b: Binary variables are not handed on: blob",
+        "a: Binary variables are not passed to other components: blob",
+        "b: Binary variables are not passed to other components: blob",
     ]
 
 

@@ -628,3 +628,21 @@ def test_a_raised_estimate_needs_no_second_flight_below_the_accuracy():
     assert grown.estimate == pytest.approx(6e-7)
     assert grown.reached == pytest.approx((0.2, 1e-3, 3e-4))
     assert substep_choice._grown(choice, reached(2.0, 1e-3, 1e-3)) is None
+
+
+def test_a_craft_that_loses_its_attitude_runs_and_says_that_it_is_not_resolved(
+    tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    new_craft.write(
+        Path("mine"), CraftFacts(size="6U", altitude="400km"), "desat new craft"
+    )
+    lost = {"spacecraft.residual_dipole_body": [7.0, 0.0, 0.0]}
+    run = simulate(prepare("mine", Options(stop=20000.0, values=lost)))
+    choice = run.manifest.substep_choice
+    assert run.manifest.completed
+    assert choice.substeps == substep_choice.FALLBACK
+    assert choice.estimate > choice.accuracy
+    line = run_command.substeps_line(run.manifest)
+    assert "errs by more than the accuracy of 1e-05 rad" in line
+    assert "would still err" in line

@@ -50,6 +50,10 @@ class ManagerMagneticIlqr(TorquerDumping):
     )
 
     def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:
+        """Compute the dipole (A m2) of the costate p = K h - g, K for an endless horizon.
+
+        Paper 000, section III.A. None without a rate, or where there is no such K.
+        """
         if not self.valid_omega:
             return None
         bx, by, bz = self.b_body

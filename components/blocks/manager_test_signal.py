@@ -35,6 +35,7 @@ class ManagerTestSignal(Manager):
         self.mode = 0
 
     def compute(self, t: float, dt: float) -> None:
+        """Command bias + amplitude sin(2 pi t / period + phase) of each wheel (N m)."""
         if self.due(t):
             sampled = self._sample * self.sample_time if self.sample_time > 0.0 else t
             self.tau_cmd_wheel = tuple(  # type: ignore[assignment]

@@ -74,7 +74,7 @@ def vector(x: Table, first: int) -> Vec3:
 
 
 def first_covariance(deviations: Table) -> Table:
-    """Build the initial covariance P, row-major."""
+    """Build the initial covariance P, row-major, of standard deviations as `spreads`."""
     p = [0.0] * (STATES * STATES)
     for i in range(STATES):
         p[STATES * i + i] = deviations[i] * deviations[i]

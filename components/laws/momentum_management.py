@@ -135,8 +135,10 @@ def condition(m: Mat33) -> float:
 def held_field(b: Vec3, before: Vec3, second: Vec3, third: Vec3) -> Vec3:
     """Predict the mean field (T) until the next sample from this and the last three.
 
-    Axes do not turn; zero stands for a sample that does not exist. Adams and
-    Bashforth's weights: for a field that turns by a per sample the error is 0.35 a^4.
+    b is the present field, before, second and third those of one to three samples ago,
+    all in axes that do not rotate; zero stands for a sample that does not exist. The
+    weights are those of Adams and Bashforth: where the field rotates by an angle a
+    (rad) per sample, the relative error is 0.35 a^4.
     """
     if before == ZERO:
         return b

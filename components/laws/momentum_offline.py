@@ -287,9 +287,10 @@ def _linear_quadratic(
 ) -> Optimum:
     """Minimise sum m' S^-1 m + H_k+1' weights H_k+1 + 2 linear . H_k+1.
 
-    `inverse` (N, 3, 3) is that of the weights. With P the multipliers of H_k+1 = H_k +
-    push + effect m, m = S (B x P) and dt (weights H_k+1 + linear) = P_k+1 - P_k; so P
-    obeys a block tridiagonal system without negative eigenvalues.
+    The sum is over the samples k; `inverse` (N, 3, 3) is that of the weights. With P the
+    costate (the multipliers of H_k+1 = H_k + dt gravity + effect m), m = S (B x P) and
+    dt (weights H_k+1 + linear) = P_k+1 - P_k; so P obeys a block tridiagonal system
+    without negative eigenvalues.
     """
     from scipy.linalg import solveh_banded  # takes a while to load
 

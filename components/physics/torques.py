@@ -166,7 +166,11 @@ def plates_of(table: Table) -> Plates:
 
 
 def _plate(row: Table) -> Plate:
-    """Build a plate from a row of the table."""
+    """Build a plate from a row of the parameter `plates`.
+
+    Unit normal n (1), area (m2), centre c (m), c x n (m), specular and diffuse shares
+    of the reflected light (1).
+    """
     nx, ny, nz, area, cx, cy, cz, specular, diffuse = row
     nx, ny, nz = unit((nx, ny, nz))
     mx, my, mz = cross((cx, cy, cz), (nx, ny, nz))

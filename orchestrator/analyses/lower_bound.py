@@ -234,9 +234,10 @@ class _Truth:
         return mean
 
     def least(self, impulse: Array) -> tuple[float | None, list[float] | None]:
-        """Compute the minimum firing time (s) for an impulse, and its price.
+        """Compute the minimum firing time (s) for an impulse, and its derivative.
 
-        The impulse is in N m s, eci. Both are None where it cannot be given.
+        The impulse is in N m s, eci; the derivative by it in s/(N m s). Both are None
+        where thrusters and coils cannot give it.
         """
         from desat.components.laws.least_firing import least_firing
 

@@ -673,9 +673,9 @@ def unmanaged(
 def off_target(
     times: Array, stored: Array, without: Array, target: Array
 ) -> tuple[float, float]:
-    """Compute rms wheel momentum less its target (3,), with and without management.
+    """Compute the rms distance of the wheels' momentum from its target (3,), N m s.
 
-    Both are in N m s, over the second half of the run.
+    Over the second half of the run: with management (`stored`), and without it.
     """
     late = times >= (times[0] + times[-1]) / 2.0
     distance = np.linalg.norm(stored[late] - target, axis=1)

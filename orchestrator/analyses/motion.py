@@ -138,7 +138,10 @@ class Steps:
         return np.asarray(q / np.linalg.norm(q, axis=1, keepdims=True))
 
     def rate(self, e: float, q: Array) -> Array:
-        """Compute the body's rate (rad/s, body) where its attitude is q."""
+        """Compute the body's rate (rad/s, body) at attitude q, a share e into each step.
+
+        It is J_r^-1 (C H - h): the total momentum H in body less that of the wheels h.
+        """
         h = self.h[:-1] + self.dt * (e * self.mean + 0.5 * (e * e - e) * self.slope)
         total = rotate(
             q, self.momentum[:-1] + e * self.gained + 0.5 * (e * e - e) * self._bend

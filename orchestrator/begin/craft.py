@@ -682,9 +682,10 @@ def _attitude_loop(
 
 
 def _gains(bandwidth: float) -> tuple[float, float, float]:
-    """Return kp, kd and ki of the controller for a damping of 0.7.
+    """Return kp (1/s2), kd (1/s) and ki (1/s3) of the controller for a damping of 0.7.
 
-    Its error e is half the angle; `bandwidth` is in rad/s.
+    They are multiplied by the inertia; the controller's error e is half the angle, so
+    kp is twice the square of the `bandwidth` (rad/s). ki is a tenth of kp times it.
     """
     return 2.0 * bandwidth**2, 1.4 * bandwidth, 0.2 * bandwidth**3
 

@@ -125,7 +125,9 @@ def _check_request(
             f"{nearest(sampling, SAMPLINGS)}"
         )
     if limit <= 0.0:
-        raise DesatError(f"{target}: {limit:g} s for a case: more is needed")
+        raise DesatError(
+            f"{target}: a limit of {limit:g} s for a case: above 0 is needed"
+        )
     whole_numbers(target, seed=(seed, 0), count=(count, 1))
 
 

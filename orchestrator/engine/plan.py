@@ -206,7 +206,11 @@ class Plan:
         ]
 
     def _ends(self, part: int) -> list[Publish]:
-        """Publish, at the end of a part, outputs of members whose window ends there."""
+        """Return the operations that publish outputs at the end of a substep.
+
+        They are of the components whose own step ends there: all outputs, or with
+        Gauss-Seidel the states alone, as interval outputs were handed on before.
+        """
         done = [m for m in self._members.values() if (part + 1) % m.every == 0]
         if len(done) == len(self._members):
             return self._outputs.all_fresh()

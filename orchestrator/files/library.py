@@ -451,7 +451,10 @@ def unused_warnings(system: System) -> Iterator[str]:
             s.name for s in c.interface.signals.values() if s.kind == "Binary"
         ]:
             more = f" and {len(names) - 3} more" if len(names) > 3 else ""
-            yield f"{c.name}: Binary variables are not handed on: {', '.join(names[:3])}{more}"
+            yield (
+                f"{c.name}: Binary variables are not passed to other components: "
+                f"{', '.join(names[:3])}{more}"
+            )
 
 
 def problems(system: System, options: Options) -> Iterator[str]:

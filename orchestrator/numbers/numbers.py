@@ -402,10 +402,10 @@ def relative(form: str, value: float | None, reference: float | None) -> float |
 
 
 def related(form: str, value: float | None, reference: float | None) -> float | None:
-    """Compute a `difference`, a `paired_ratio` or a form of `relative`.
+    """Compare a value with a reference: `difference`, `paired_ratio`, or as `relative`.
 
-    The difference is value less reference. None where one of them was not reached.
-    Raises DesatError for another form.
+    A difference (value less reference) has the unit of both, a ratio has none. None
+    where one of the two was not reached. Raises DesatError for another form.
     """
     form = "ratio" if form == "paired_ratio" else form
     if form != "difference":

@@ -260,9 +260,10 @@ def _processor() -> str:
 
 
 def write(result: StoredDraws) -> Path:
-    """Store the samples of a family and its stamps, and return the path.
+    """Write the stored samples of a paper's scenarios, and return the file's path.
 
-    The same samples give the same bytes.
+    The file of provenances gets the hashes of scenarios and code that they are of. The
+    same samples give the same bytes.
     """
     path = file_of(result["family"])
     data = _pack(result["scenarios"])

@@ -63,6 +63,9 @@ LEAST_FAR = 16  # lower limit of the substeps of the flight that confirms a coun
 FREE, LONGEST = 120_000, 6_000  # limits of the substeps, and of the steps, of a flight
 QUICK = 4_000  # limit of the steps of the first flights, with one and two substeps
 LOOSE = 1e-6  # rad: accuracy from which short flights and raised estimates suffice
+# With such an accuracy: largest count, and the count where none is accurate enough, as
+# of a craft that loses its attitude. The run then states the error.
+MOST_LOOSE, FALLBACK = 64, 8
 CROSSING = 40  # steps of a flight through a wheel's zero
 LOOK = 1_000  # limit of the steps of a flight when a run is checked again
 CARRIED = 2.0  # factor on an estimate that is extrapolated beyond its flight
@@ -85,7 +88,8 @@ def choose(target: str, system: System, options: Options) -> SubstepChoice | Non
     Raises
     ------
     DesatError
-        If no count of `LEVELS` is accurate enough; it gives the reason.
+        If no count of `LEVELS` is accurate enough for an accuracy below `LOOSE`; it
+        gives the reason.
     """
     if system.substeps != AUTO:
         return None
@@ -398,7 +402,8 @@ class _Flights:
             options,
             longest,
         )
-        self._levels = [n for n in LEVELS if n >= least]
+        most = MOST_LOOSE if system.accuracy >= LOOSE else LEVELS[-1]
+        self._levels = [n for n in LEVELS if least <= n <= max(most, least)]
         parts, body = coverage.applies(system), body_of(system)
         assert parts is not None
         assert body is not None
@@ -439,6 +444,11 @@ class _Flights:
             if tried[n] <= self._system.accuracy:
                 return self._chosen(n, tried, coarse, len(error), began)
             coarse = fine
+        if self._system.accuracy >= LOOSE:
+            reason = self._reason(tried, error)
+            return SubstepChoice(
+                FALLBACK, self._system.accuracy, tried[FALLBACK], reason, tried=tried
+            )
         raise DesatError(
             f"{target}: substeps = auto: {self._reason(tried, error)}; take a larger "
             "--accuracy, or a shorter --step"

@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -312,6 +313,12 @@ def substeps_line(manifest: Manifest) -> str:
     count = f"{choice.substeps} substep{'s' * (choice.substeps != 1)} a step"
     if choice.estimate is None:
         return f"{count}: {choice.why}; the error is not estimated"
+    if choice.why:
+        return (
+            f"{count}: the attitude errs by more than the accuracy of "
+            f"{choice.accuracy:g} rad, by up to {min(choice.estimate, pi):.1e} rad "
+            f"(estimated): {choice.why}"
+        )
     return (
         f"{count}: the attitude errs by {choice.estimate:.1e} rad at most (estimated; "
         f"accuracy {choice.accuracy:g} rad)"

@@ -131,7 +131,11 @@ class IsolatedInstance:
         return self._words[READ]
 
     def _turn(self, command: bytes) -> None:
-        """Set inputs that are due, make a step if requested, and read the outputs."""
+        """Have the child process set inputs, make a step and read the outputs.
+
+        `command` says which of these. Raises ComponentError for a call that failed, and
+        EndedError where the process hangs, has ended or answers what nobody wrote.
+        """
         if self._ended:
             raise ComponentError(self._ended)
         self._words[OPEN] = 1
