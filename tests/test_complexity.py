@@ -14,7 +14,7 @@ EXCESS = {
     "benchmarks": 12,
     "components": 2,
     "fmus": 0,
-    "orchestrator": 12,
+    "orchestrator": 9,
     "tests": 7,
 }
 RULES = [

@@ -255,73 +255,37 @@ def torque(
     The parameters are as a manifest has them, and x are the inputs at each step.
     """
     values = _ALWAYS | {k: p.value for k, p in parameters.items()}
-    inertia = np.reshape(values["inertia"], (3, 3))
-    fall = -MU * x["r_eci"] / np.linalg.norm(x["r_eci"], axis=1, keepdims=True) ** 3
-    plates = np.reshape(values["plates"], (-1, PLATE_COLUMNS))
-    drives = np.reshape(values["drive_plate"], (-1, 3))
-    there = [k for k in range(len(plates)) if plates[k, 3] > 0.0]
-    axes: dict[int, Array] = {
-        k: drives[k] / size
-        for k in there
-        if k < len(drives) and (size := np.linalg.norm(drives[k])) > 0.0
-    }
+    return _ExternalTorque(values, x, dt)
 
-    def normal_of(k: int, s: Array) -> Array:
-        """Compute the normals (rows, 3) of a plate, body.
 
-        Its drive turns it to the Sun s (rows, 3), body.
-        """
-        if k not in axes:
-            return np.broadcast_to(
-                plates[k, :3] / np.linalg.norm(plates[k, :3]), s.shape
-            )
-        across = s - np.outer(s @ axes[k], axes[k])
-        return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
+class _ExternalTorque:
+    """External torque on a body at a share of every step, from its inputs there.
 
-    def drag(v: Array, s: Array) -> Array:
-        """Compute the drag torque (N m, body) at velocity v (m/s, body) through air.
+    Inputs x have a row per step, of dt (s).
+    """
 
-        The direction s to the Sun is as for `light`.
-        """
-        head = -0.5 * x["density"] * values["drag_coefficient"]
-        if values["aerodynamics"] == "area":
-            force = (
-                head
-                * values["area_drag"]
-                * np.linalg.norm(v, axis=1, keepdims=True)
-                * v
-            )
-            return cross(values["centre_drag_body"], force)
-        total = np.zeros_like(v)
-        for k in there:
-            p = plates[k]
-            facing = np.maximum((v * normal_of(k, s)).sum(axis=1), 0.0)[:, None]
-            total += cross(p[4:7], head * p[3] * facing * v)
-        return total
+    def __init__(
+        self, values: Mapping[str, Any], x: dict[str, Array], dt: float | Array
+    ) -> None:
+        self._values = values
+        self._x = x
+        self._dt = dt
+        self._inertia = np.reshape(values["inertia"], (3, 3))
+        distance = np.linalg.norm(x["r_eci"], axis=1, keepdims=True)
+        self._fall = -MU * x["r_eci"] / distance**3  # m/s2, eci
+        self._plates = np.reshape(values["plates"], (-1, PLATE_COLUMNS))
+        # plates that have an area
+        self._used = [k for k in range(len(self._plates)) if self._plates[k, 3] > 0.0]
+        drives = np.reshape(values["drive_plate"], (-1, 3))
+        self._axes: dict[int, Array] = {}  # of the plates that have a drive
+        for k in self._used:
+            if k < len(drives) and (size := np.linalg.norm(drives[k])) > 0.0:
+                self._axes[k] = drives[k] / size
 
-    def light(s: Array) -> Array:
-        """Compute the torque (N m, body) of sunlight.
-
-        The direction s to the Sun is a unit vector, body.
-        """
-        pressure = SOLAR_PRESSURE * x["sunlight"]
-        if values["radiation"] == "area":
-            return cross(
-                values["centre_radiation_body"],
-                -pressure * values["area_radiation"] * s,
-            )
-        total = np.zeros_like(s)
-        for k in there:
-            p, normal = plates[k], normal_of(k, s)
-            cosine = np.maximum((s * normal).sum(axis=1), 0.0)[:, None]
-            along = (1.0 - p[7]) * s + 2.0 * (p[7] * cosine + p[8] / 3.0) * normal
-            total += cross(p[4:7], -pressure * p[3] * cosine * along)
-        return total
-
-    def at(e: float, q: Array) -> Array:
+    def __call__(self, e: float, q: Array) -> Array:
         """Compute the external torque (N m, body) at the share e of every step."""
-        t, lead = e * dt, e - 0.5
-        r = x["r_eci"] + t * x["v_eci"] + 0.5 * t * t * fall
+        x, values = self._x, self._values
+        t, lead = e * self._dt, e - 0.5
         b = x["b_eci"] + t * x["b_rate_eci"] + 0.5 * t * t * x["b_accel_eci"]
         dipole = (
             x["m_mean_body"] + lead * x["m_slope_body"] + values["residual_dipole_body"]
@@ -333,18 +297,73 @@ def torque(
         )
         total += x["tau_mean_thruster_body"] + lead * x["tau_slope_thruster_body"]
         if values["gravity_gradient"]:
-            p = rotate(q, r)
-            size = np.linalg.norm(p, axis=1, keepdims=True)
-            total += 3.0 * MU / size**5 * cross(p, p @ inertia.T)
+            total += self._gravity_gradient(t, q)
         if values["aerodynamics"] != "none":
-            wind = (
-                x["v_eci"]
-                + t * fall
-                - cross([0.0, 0.0, EARTH_RATE], x["r_eci"] + t * x["v_eci"])
-            )
-            total += drag(rotate(q, wind), rotate(q, x["sun_eci"]))
+            total += self._drag(t, q)
         if values["radiation"] != "none":
-            total += light(rotate(q, x["sun_eci"]))
+            total += self._radiation(rotate(q, x["sun_eci"]))
         return np.asarray(total)
 
-    return at
+    def _gravity_gradient(self, t: float | Array, q: Array) -> Array:
+        """Compute the gravity-gradient torque (N m, body) at t (s) after the starts."""
+        x = self._x
+        r = rotate(q, x["r_eci"] + t * x["v_eci"] + 0.5 * t * t * self._fall)
+        size = np.linalg.norm(r, axis=1, keepdims=True)
+        return np.asarray(3.0 * MU / size**5 * cross(r, r @ self._inertia.T))
+
+    def _drag(self, t: float | Array, q: Array) -> Array:
+        """Compute the drag torque (N m, body) at t (s) after the starts of the steps."""
+        x, values = self._x, self._values
+        wind = (
+            x["v_eci"]
+            + t * self._fall
+            - cross([0.0, 0.0, EARTH_RATE], x["r_eci"] + t * x["v_eci"])
+        )
+        v = rotate(q, wind)
+        head = -0.5 * x["density"] * values["drag_coefficient"]
+        if values["aerodynamics"] == "area":
+            speed = np.linalg.norm(v, axis=1, keepdims=True)
+            force = head * values["area_drag"] * speed * v
+            return cross(values["centre_drag_body"], force)
+        sun = rotate(q, x["sun_eci"])
+        total = np.zeros_like(v)
+        for k in self._used:
+            plate = self._plates[k]
+            facing = np.maximum((v * self._normal(k, sun)).sum(axis=1), 0.0)[:, None]
+            total += cross(plate[4:7], head * plate[3] * facing * v)
+        return total
+
+    def _radiation(self, sun: Array) -> Array:
+        """Compute the torque (N m, body) of sunlight.
+
+        The direction to the Sun is a unit vector, body.
+        """
+        values = self._values
+        pressure = SOLAR_PRESSURE * self._x["sunlight"]
+        if values["radiation"] == "area":
+            return cross(
+                values["centre_radiation_body"],
+                -pressure * values["area_radiation"] * sun,
+            )
+        total = np.zeros_like(sun)
+        for k in self._used:
+            plate = self._plates[k]
+            normal = self._normal(k, sun)
+            cosine = np.maximum((sun * normal).sum(axis=1), 0.0)[:, None]
+            specular, diffuse = plate[7], plate[8]
+            along = (1.0 - specular) * sun
+            along = along + 2.0 * (specular * cosine + diffuse / 3.0) * normal
+            total += cross(plate[4:7], -pressure * plate[3] * cosine * along)
+        return total
+
+    def _normal(self, k: int, sun: Array) -> Array:
+        """Compute the normals (rows, 3) of a plate, body.
+
+        Its drive turns it to the Sun (rows, 3), body.
+        """
+        if k not in self._axes:
+            normal = self._plates[k, :3]
+            return np.broadcast_to(normal / np.linalg.norm(normal), sun.shape)
+        axis = self._axes[k]
+        across = sun - np.outer(sun @ axis, axis)
+        return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))

@@ -182,7 +182,6 @@ def tune(
     signal, own_value, unit = _parameter(source, options, parameter)
     _number(content, system, number, target)
     low, high = _range(parameter, signal, own_value, between)
-    tried: dict[float, Point] = {}
     if not content.dispersions:
         raise DesatError(
             f"{target}: it has no [dispersions], so there is nothing to sample"
@@ -198,67 +197,23 @@ def tune(
         results = rows_of(tasks, jobs, target, False, source)
         return [results[k : k + len(draw)] for k in range(0, len(results), len(draw))]
 
-    def look(values: Sequence[float]) -> None:
-        """Fly the tuning draws at these values."""
+    def evaluate(values: Sequence[float]) -> list[Point]:
+        """Fly the tuning draws at these values, and return a point of each."""
         progress(f"{parameter} = {', '.join(f'{x:.3g}' for x in values)}")
-        for x, some in zip(values, rows(values, range(draws)), strict=True):
-            tried[x] = Point(
-                x, _median(some, number), sum(_misses(content, r) for r in some)
-            )
+        return [
+            Point(x, _median(some, number), sum(_misses(content, r) for r in some))
+            for x, some in zip(values, rows(values, range(draws)), strict=True)
+        ]
 
-    log = low > 0.0
-    grid = (
-        np.geomspace(low, high, LOOKED_AT) if log else np.linspace(low, high, LOOKED_AT)
-    )
-    look(
-        sorted(
-            [
-                own_value,
-                *(
-                    x
-                    for x in grid.tolist()
-                    if not math.isclose(x, own_value, rel_tol=1e-9)
-                ),
-            ]
-        )
-    )
-    first = tried[own_value]
-    if not math.isfinite(first.median):
+    search = _Search(evaluate, (low, high), own_value, most, draws)
+    search.sample_range()
+    if not math.isfinite(search.points[own_value].median):
         raise DesatError(
             f"{target}: {parameter} = {own_value:g}: not every sample has {number}"
         )
-    scale, sign = abs(first.median) or 1.0, -1.0 if most else 1.0
-
-    def cost(x: float) -> float:
-        """Return the relative cost of a value; large where it is rejected."""
-        point = tried[x]
-        if math.isfinite(point.median) and point.missed <= first.missed:
-            return sign * point.median / scale
-        return 1e3 * (1.0 + point.missed / draws)
-
-    def at(place: float) -> float:
-        """Return the cost at a place of the search, which may be logarithmic."""
-        x = math.exp(place) if log else place
-        if x not in tried:
-            look([x])
-        return cost(x)
-
-    known = sorted(tried)
-    k = known.index(min(known, key=cost))
-    ends = known[max(k - 1, 0)], known[min(k + 1, len(known) - 1)]
-    from scipy.optimize import minimize_scalar  # slow import
-
-    places = [math.log(x) if log else x for x in (*ends, low, high)]
-    fine = FINE * (places[3] - places[2])
-    minimize_scalar(
-        at,
-        bounds=places[:2],
-        method="bounded",
-        options={"maxiter": REFINED, "xatol": fine},
-    )
-    best = min(sorted(tried), key=cost)
-    best = own_value if cost(own_value) - cost(best) < SAME else best
-    points = tuple(tried[x] for x in sorted(tried))
+    search.refine()
+    best = search.find_best()
+    points = tuple(search.points[x] for x in sorted(search.points))
     progress(f"{unseen} unseen samples")
     judges = rows([own_value, best], range(draws, draws + unseen))
     comparison, number_unit = _verdict(judges[0], judges[1], number, content)
@@ -276,6 +231,87 @@ def tune(
         points,
         comparison,
     )
+
+
+class _Search:
+    """Search of the value with the least cost in a range.
+
+    It is logarithmic where the range is above 0.
+    """
+
+    def __init__(
+        self,
+        evaluate: Callable[[Sequence[float]], list[Point]],
+        limits: tuple[float, float],
+        own_value: float,
+        most: bool,
+        draws: int,
+    ) -> None:
+        self.points: dict[float, Point] = {}  # by value
+        self._evaluate = evaluate
+        self._limits = limits
+        self._own_value = own_value
+        self._sign = -1.0 if most else 1.0
+        self._draws = draws
+        self._is_logarithmic = limits[0] > 0.0
+
+    def sample_range(self) -> None:
+        """Evaluate the craft's own value, and values spread evenly over the range."""
+        spread = np.geomspace if self._is_logarithmic else np.linspace
+        others = [
+            x
+            for x in spread(*self._limits, LOOKED_AT).tolist()
+            if not math.isclose(x, self._own_value, rel_tol=1e-9)
+        ]
+        self._add(sorted([self._own_value, *others]))
+
+    def refine(self) -> None:
+        """Minimise the cost between the neighbours of the best value so far."""
+        from scipy.optimize import minimize_scalar  # slow import
+
+        known = sorted(self.points)
+        k = known.index(min(known, key=self.cost))
+        neighbours = known[max(k - 1, 0)], known[min(k + 1, len(known) - 1)]
+        low, high = (self._place(x) for x in self._limits)
+        minimize_scalar(
+            self._cost_at,
+            bounds=[self._place(x) for x in neighbours],
+            method="bounded",
+            options={"maxiter": REFINED, "xatol": FINE * (high - low)},
+        )
+
+    def find_best(self) -> float:
+        """Return the value of least cost; the craft's own where it is about as good."""
+        best = min(sorted(self.points), key=self.cost)
+        if self.cost(self._own_value) - self.cost(best) < SAME:
+            return self._own_value
+        return best
+
+    def cost(self, value: float) -> float:
+        """Return the cost (1) of a value that was evaluated.
+
+        It is relative to the number at the craft's own value; large for a value that is
+        rejected.
+        """
+        point, own_point = self.points[value], self.points[self._own_value]
+        if math.isfinite(point.median) and point.missed <= own_point.missed:
+            return self._sign * point.median / (abs(own_point.median) or 1.0)
+        return 1e3 * (1.0 + point.missed / self._draws)
+
+    def _cost_at(self, place: float) -> float:
+        """Return the cost (1) at a place of the search; evaluate it where it is new."""
+        value = math.exp(place) if self._is_logarithmic else place
+        if value not in self.points:
+            self._add([value])
+        return self.cost(value)
+
+    def _place(self, value: float) -> float:
+        """Return the place of a value in the search: its logarithm, or itself."""
+        return math.log(value) if self._is_logarithmic else value
+
+    def _add(self, values: Sequence[float]) -> None:
+        """Evaluate these values."""
+        self.points |= {point.value: point for point in self._evaluate(values)}
 
 
 def _parameter(
