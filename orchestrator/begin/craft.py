@@ -703,7 +703,7 @@ def _stable_sample(
         Figures of the wheels.
     fullest
         Share of their capacity to which they fill.
-    given
+    is_given
         Whether the user set the sample time. It is then not changed: a DesatError says
         which one would do.
     """
