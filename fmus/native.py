@@ -273,7 +273,7 @@ def build(
 
     Parameters
     ----------
-    which
+    block_ref
         Name of a block of the project, or a user's own file.
     dist
         Folder of the FMU.

@@ -385,3 +385,47 @@ def test_a_bare_name_is_found() -> None:
         "own",
         "How",
     }
+
+
+def undocumented(tree: ast.Module) -> Iterator[str]:
+    """Yield the names under `Parameters` of docstrings that are no parameters."""
+    for node in ast.walk(tree):
+        if not isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            continue
+        _, _, section = (ast.get_docstring(node) or "").partition(
+            "Parameters\n----------\n"
+        )
+        section = re.split(r"\n\n\w+\n-+\n", section)[0]
+        listed = {
+            name.strip().lstrip("*")
+            for line in section.splitlines()
+            if line and not line.startswith(" ")
+            for name in line.partition(":")[0].split(",")
+        }
+        known = {x.arg for x in ast.walk(node) if isinstance(x, ast.arg)}
+        if isinstance(node, ast.ClassDef):
+            known |= {x.target.id for x in node.body if is_field(x)}  # type: ignore[attr-defined]
+        yield from (f"{node.name}: {name}" for name in sorted(listed - known))
+
+
+def is_field(node: ast.AST) -> bool:
+    """Whether a statement of a class declares a field."""
+    return isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)
+
+
+def test_documented_parameters_exist() -> None:
+    found = [
+        f"{file.relative_to(ROOT)}: {name}"
+        for folder in (*CODE, "benchmarks")
+        for file in sorted((ROOT / folder).rglob("*.py"))
+        for name in undocumented(ast.parse(file.read_text(encoding="utf-8")))
+    ]
+    assert found == []
+
+
+def test_a_parameter_that_is_not_there_is_found() -> None:
+    text = (
+        "Do.\n\n    Parameters\n    ----------\n    x, y : float\n        Of it.\n    "
+    )
+    source = f'def f(x: float) -> None:\n    """{text}"""\n'
+    assert list(undocumented(ast.parse(source))) == ["f: y"]

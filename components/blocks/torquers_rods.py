@@ -182,16 +182,13 @@ class TorquersRods(Torquers):
                 (there, last, target, 0.0),
             ):
                 if end > begin:
-                    part_result, plays = over(
+                    (share, lead, energy, heat, x), plays = over(
                         plays, x, aim, slow, end - begin, self.m_limit, self.remanence
                     )
-                    share, lead = part(
-                        begin / dt, end / dt, part_result[0], part_result[1]
-                    )
+                    share, lead = part(begin / dt, end / dt, share, lead)
                     mean, slope = mean + share, slope + lead
-                    self._energy += 0.5 * part_result[2] * (end - begin)
-                    self._heat += part_result[3] * (end - begin)
-                    x = part_result[4]
+                    self._energy += 0.5 * energy * (end - begin)
+                    self._heat += heat * (end - begin)
         a, b, c, d = self._plays
         self._plays = (
             plays if i == 0 else a,

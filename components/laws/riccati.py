@@ -21,7 +21,7 @@ _SHIFT = 0.5
 _DOUBLINGS = 30  # as many as LEAST_DECAY needs; eight are usual
 
 
-@lru_cache(maxsize=1)  # A sizing asks for several momenta in the same field.
+@lru_cache(maxsize=1)  # It depends on field and rate alone, not on the momentum.
 def infinite_gain(w: Mat33, s: Mat33, f: Mat33) -> Mat33 | None:
     """Solve W'K + K W - K S K + F = 0 for the K that makes W - S K stable.
 

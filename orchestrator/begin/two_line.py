@@ -35,7 +35,7 @@ def check_layout(lines: list[str], place: str) -> None:
     ----------
     lines
         The first and the second line.
-    where
+    place
         The option and the file, for messages.
 
     Raises

@@ -89,7 +89,7 @@ class Master:
     isolated
         FMUs that run in processes of their own. Each of their calls may take
         `limit` s.
-    kept
+    recording
         Recorder of the values that reach a component. Its outputs must be watched.
     """
 

@@ -57,7 +57,7 @@ def export(
     ----------
     target, options
         The scenario.
-    wanted
+    ends
         Variables that are visible from outside.
     file
         Path of the FMU; default: NAME.fmu in the current folder.

@@ -32,7 +32,7 @@ def of_craft(content: Content, folder: Path, place: str, origin: Origin) -> Laye
         The content of the scenario.
     folder
         The folder of craft, SSD and FMUs.
-    where
+    place
         The scenario's file, for messages.
     origin
         Function that returns file and key of a value of the scenario.
@@ -85,7 +85,7 @@ def of_scenario(
     parameters
         A table for each component: those of the scenario, merged over those of its
         design.
-    content, folder, where, origin
+    content, folder, place, origin
         As for `of_craft`.
     """
     layer = Layer(

@@ -17,6 +17,13 @@ is over. Where its body turned faster, was accelerated more, or its torques chan
 than in the flights, these are repeated from the state recorded there. If they need more
 substeps, the run is repeated from its start.
 
+An accuracy from `LOOSE` on takes shorter ways. One substep is chosen by a short flight
+with one and two, where its error is far below the accuracy. A run that leaves the range
+of its flights has its estimate raised in proportion, as long as that stays below the
+accuracy. The fastest passage of each wheel through zero is flown again, as friction
+makes an error of the first power there. If no count suffices, the run is made with
+`FALLBACK` substeps and states its error.
+
 Nothing depends on a clock: the choice for a system is the same everywhere.
 """
 

@@ -114,7 +114,7 @@ def fitting(
         Scenario of the craft.
     terms
         Quantities that rules of gains use.
-    asked
+    names
         Laws or managers of the project by name, or all.
     others
         Block files and FMUs of the user's own.
@@ -168,7 +168,7 @@ def check_names(names: Sequence[str], others: Sequence[str] = ()) -> None:
 
     Parameters
     ----------
-    asked
+    names
         Laws or managers of the project by name, or all.
     others
         Block files and FMUs of the user's own.

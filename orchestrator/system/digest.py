@@ -80,7 +80,7 @@ def digest(
     ----------
     computes
         What computes each component, by its name.
-    beside
+    conditions
         What else affects bits: dataclasses, tables, lists, numbers, texts.
     without
         Keys of the scenario's content that do not count for this use.

@@ -31,7 +31,7 @@ def fault_of(value: Any, declared: Any, place: str) -> str:
         What was read: a dataclass, or a value as JSON has it.
     declared
         The type, as `typing.get_type_hints` gives it.
-    where
+    place
         The key of the value, for the message.
 
     Returns

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from math import radians
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -119,6 +119,7 @@ def size(
     """
     from ...sizing import dumps, sizing
     from ...sizing import map as sizing_map
+    from ...sizing import page as sizing_page
     from ...sizing.requirements import SizingRequirements
 
     options = o.options_of(sets, stop, None, "gauss_seidel", blocks, sources=sources)
@@ -178,70 +179,49 @@ def size(
             }
             values["altitudes"] = tuple(1e3 * x for x in values["altitudes"])
             axes = sizing_map.MapAxes(**values, laws=laws is True)
-            result = partial(
-                _show_map,
-                sizing_map.map_of(target, options, axes, requirements, jobs, progress),
+            found = sizing_map.map_of(
+                target, options, axes, requirements, jobs, progress
             )
+            result = partial(_show, found, _print_map, sizing_page.write_map, ())
         elif by_thrusters:
-            printer = _print_sized(as_json)
+            dumped = dumps.size(
+                target, options, requirements, progress, _print_sized(as_json)
+            )
             result = partial(
-                _show_dumps,
-                dumps.size(target, options, requirements, progress, printer),
+                _show, dumped, _print_dumps, sizing_page.write_dumps, dumped.problems
             )
         else:
+            sized = sizing.size(target, options, requirements, progress)
             result = partial(
-                _show_sizing, sizing.size(target, options, requirements, progress)
+                _show, sized, _print_sizing, sizing_page.write_sizing, sized.problems
             )
     result(to_page, as_json)
 
 
-def _show_map(sized: SizingMap, page: Path | None, as_json: bool) -> None:
-    """Print a map of sizes, and write its page where there is one."""
-    from ...sizing.page import write_map
+def _show(
+    sized: SizingMap | DumpSizing | Sizing,
+    show: Callable[[Any], None],
+    write: Callable[[Any, Path], Path],
+    problems: Sequence[str],
+    page: Path | None,
+    as_json: bool,
+) -> None:
+    """Print sizes by `show` or as JSON, and `write` their page where there is one.
 
+    Exits with 1, and prints why, where there are problems: the craft cannot hold.
+    """
     if as_json:
         print_json(sized.as_json())
     else:
-        _print_map(sized)
-    _print_page(None if page is None else write_map(sized, page), as_json)
-
-
-def _show_dumps(sized: DumpSizing, page: Path | None, as_json: bool) -> None:
-    """Print the sizes of a craft that dumps by thrusters, and write their page."""
-    from ...sizing.page import write_dumps
-
-    if as_json:
-        print_json(sized.as_json())
-    else:
-        _print_dumps(sized)
-    _print_page(None if page is None else write_dumps(sized, page), as_json)
-    _exit_if_unmet(sized.problems)
-
-
-def _show_sizing(sized: Sizing, page: Path | None, as_json: bool) -> None:
-    """Print the sizes of a craft with coils, and write their page."""
-    from ...sizing.page import write_sizing
-
-    if as_json:
-        print_json(sized.as_json())
-    else:
-        _print_sizing(sized)
-    _print_page(None if page is None else write_sizing(sized, page), as_json)
-    _exit_if_unmet(sized.problems)
-
-
-def _exit_if_unmet(problems: Sequence[str]) -> None:
-    """Print why a craft cannot hold, and exit with 1, if there is a reason."""
+        show(sized)
+    if page is not None:
+        written = write(sized, page)
+        if not as_json:
+            _print(written)
     for line in problems:
         err.print(f"it cannot hold: {line}", highlight=False, markup=False)
     if problems:
         raise typer.Exit(Exit.UNMET)
-
-
-def _print_page(page: Path | None, as_json: bool) -> None:
-    """Print the path of a page, if there is one, for people."""
-    if page is not None and not as_json:
-        _print(page)
 
 
 def _print(page: Path) -> None:
