@@ -607,6 +607,22 @@ def test_small_steps_of_valves_add_up_to_large_ones(
     assert found[1] == pytest.approx(found[0], rel=1e-9, abs=1e-10)
 
 
+@pytest.mark.parametrize("count", [3, 7, 11, 49])
+def test_a_valve_open_over_two_samples_rises_once(count):
+    """Steps that no power of two divides: the samples' times are rounded."""
+    impulses = []
+    for dt in (10.0, 10.0 / count):
+        block = valves(rise_time=0.03, decay_time=0.0)
+        total = 0.0
+        for k in range(2):
+            block.tau_cmd_thruster_body = (0.0, -0.05, 0.0)
+            impulse, *_ = run(block, dt, 10.0 * (k + 1), 10.0 * k)
+            total += impulse[1]
+        impulses.append(total)
+    assert impulses[0] == pytest.approx(-0.04 * (20.0 - 0.03), rel=1e-9)
+    assert impulses[1] == pytest.approx(impulses[0], rel=1e-9)
+
+
 def test_scatter_is_of_each_pulse_and_has_its_deviation():
     block = valves(impulse_scatter=0.05, sample_time=1.0)
     impulses = []

@@ -12,6 +12,7 @@ from .thrusters_nozzles import NOZZLES, ThrustersNozzles
 
 CLOSED, OPEN = range(2)
 NO_NOZZLE = 0
+ROUNDING = 1e-12  # of a step: shorter times open or shut are rounding
 
 
 class ThrustersValves(ThrustersNozzles):
@@ -204,7 +205,7 @@ class ThrustersValves(ThrustersNozzles):
             (off, always, 0.0, self.decay_time),
             (always, dt, pressure, self.rise_time),
         ):
-            if last > first:
+            if last - first > ROUNDING * dt:  # else a valve would shut between samples
                 x, lead, after = target, 0.0, target
                 if lag > 0.0:
                     x, lead, after, _ = first_order(level, target, (last - first) / lag)
