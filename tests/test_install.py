@@ -113,11 +113,11 @@ def _contents(folder: Path) -> dict[str, str]:
 def test_from_an_empty_folder(home, installed, tmp_path):
     """All scenarios are there, a run and a paper's tables work, nothing is written
     beside them."""
-    where = Path(
+    place = Path(
         installed("python", "-c", "import desat; print(desat.__file__)").strip()
     ).parent
-    assert where.is_relative_to(home / "env")
-    before = _contents(where)
+    assert place.is_relative_to(home / "env")
+    before = _contents(place)
     names = [s["name"] for s in json.loads(installed("desat", "list", "--json"))]
     assert names == list(scenarios())
     result = json.loads(
@@ -137,7 +137,7 @@ def test_from_an_empty_folder(home, installed, tmp_path):
     rows = json.loads(installed("desat", "tables", "uosat12", "--json"))["rows"]
     assert len(rows) > 50
     assert any(row["draws"] for row in rows)
-    assert _contents(where) == before
+    assert _contents(place) == before
     (cache,) = (
         p for p in (home / "cache").iterdir() if p.name not in ("lists", "loop")
     )
@@ -171,8 +171,8 @@ print(len(drawn["draws"]))
 
 
 def test_what_needs_a_checkout_says_so(installed, tmp_path):
-    told = installed("desat", "design", "uosat12/fig2-mec-1", code=2)
-    assert told.strip().endswith("--out FILE writes elsewhere")
+    outcome = installed("desat", "design", "uosat12/fig2-mec-1", code=2)
+    assert outcome.strip().endswith("--out FILE writes elsewhere")
     installed("desat", "design", "uosat12/fig2-mec-1", "--out", "mine.toml")
     assert (tmp_path / "mine.toml").is_file()
 
@@ -194,8 +194,8 @@ def newcomer(home, tmp_path):
     }
     environment["DESAT_CACHE"] = str(home / "walk")
     code = "from desat.files import paths; print(paths._cache())"
-    where = _do(home / "env" / "bin" / "python", "-c", code, env=environment)
-    if not (cache := Path(where.stdout.strip()) / "fmus").exists():
+    place = _do(home / "env" / "bin" / "python", "-c", code, env=environment)
+    if not (cache := Path(place.stdout.strip()) / "fmus").exists():
         shutil.copytree(paths.fmus(), cache)
 
     def command(line: str, code: int = 0) -> str:
@@ -219,29 +219,29 @@ def newcomer(home, tmp_path):
 
 
 def test_a_newcomer_flies_and_sizes_a_craft(newcomer, tmp_path):
-    made = json.loads(newcomer("run my12u --stop 600 --json --no-baseline"))
-    assert made["status"] == "completed"
-    assert (tmp_path / made["report"]).is_file()
-    told = " ".join(newcomer("size my12u --stop 6000").split())
-    assert told.startswith("my12u: rods of ")
-    assert "it has 0.2 A m2" in told
+    answer = json.loads(newcomer("run my12u --stop 600 --json --no-baseline"))
+    assert answer["status"] == "completed"
+    assert (tmp_path / answer["report"]).is_file()
+    message = " ".join(newcomer("size my12u --stop 6000").split())
+    assert message.startswith("my12u: rods of ")
+    assert "it has 0.2 A m2" in message
     assert (tmp_path / "runs" / "size-my12u.html").is_file()
 
 
 def test_a_newcomer_chooses_a_law_of_all_and_of_her_own(newcomer, tmp_path):
     newcomer("new law my_law")
-    made = json.loads(
+    answer = json.loads(
         newcomer("compare my12u --laws all --law my_law.py --stop 300 --json")
     )
-    names = {law["name"] for law in made["laws"]}
+    names = {law["name"] for law in answer["laws"]}
     assert {"cross product", "ccpl", "predictive", "my law"} <= names
-    assert (tmp_path / made["page"]).is_file()
+    assert (tmp_path / answer["page"]).is_file()
 
 
 def test_a_newcomer_is_sure_by_a_campaign(newcomer, tmp_path):
-    told = newcomer("campaign my12u -n 4 --stop 120", code=1)
-    assert "4 of 4 completed" in told
-    assert "0 of 4 outside" in told, "too few to show that requirements hold"
+    answer = newcomer("campaign my12u -n 4 --stop 120", code=1)
+    assert "4 of 4 completed" in answer
+    assert "0 of 4 outside" in answer, "too few to show that requirements hold"
     (report,) = (tmp_path / "runs").glob("*/report.html")
     assert "Total wheel momentum at the end (body frame)" in report.read_text(
         encoding="utf-8"
