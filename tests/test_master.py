@@ -376,12 +376,12 @@ BITWISE = [
 def looked_at(name: str, algorithm: str) -> int:
     """Steps of a scenario: a bare block that searches by flights of a model takes 10 s
     for 300 on a quiet machine; of those one with a gyro and one without are flown over
-    twenty searches, the others, which differ from these in parameters alone, over
-    four."""
+    ten searches, the others, which differ from these in parameters alone, over
+    two."""
     searches = name.startswith("hausat2/rollout-")
     full = ("hausat2/rollout-gyro", "hausat2/rollout-no-gyro")
     is_whole = name in full and algorithm == "gauss_seidel"
-    return (200 if is_whole else 40) if searches else 300
+    return (100 if is_whole else 20) if searches else 300
 
 
 # what jacobi changes is the way of the values alone
