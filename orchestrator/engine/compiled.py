@@ -30,6 +30,7 @@ from ..system.choices import Loop
 from ..system.interface import KINDS
 from . import current_call
 from .ending import Ending
+from .instances.fmi_versions import NOT_COMPILED
 from .instances.fmu import FmuInstance
 from .instances.isolated import IsolatedInstance
 from .master import Master
@@ -290,6 +291,7 @@ CODES = (
     "STEP_3",
     "TO_TYPE",
     "FROM_TYPE",
+    "WIDEN",
 )
 _CODE = {name: i for i, name in enumerate(CODES)}
 # Calls with a status; of several calls of one operation the worst status counts.
@@ -375,6 +377,8 @@ def _rows(operation: Operation) -> Iterator[_Row]:
             yield _gather(operation)
         case Call():
             yield from _calls(operation)
+        case Publish(live, _) if live.dtype == object:
+            raise NotCompiledError("texts are exchanged")
         case Publish(live, fresh):
             yield "COPY", fresh.nbytes, (live, fresh), ()
         case Accumulate(window, i):
@@ -419,6 +423,10 @@ def _gather(g: Gather) -> _Row:
     """Convert the collection of inputs to an operation of loop.c."""
     into = np.arange(len(g.target)) if g.into is None else g.into
     pointers = (g.target, into, g.source, g.index)
+    if g.source.dtype == object:
+        raise NotCompiledError("texts are exchanged")
+    if g.source.dtype != g.target.dtype and g.conversion is not None:
+        return "WIDEN", len(into), (*pointers, *g.conversion), ()
     if g.conversion is None:
         return "TAKE_8" if g.kind == "Real" else "TAKE_4", len(into), pointers, ()
     if g.kind != "Real":
@@ -437,6 +445,8 @@ def _calls(call: Call) -> Iterator[_Row]:
         raise NotCompiledError(f"the steps of {instance.name} may be halved")
     for moves in instance.prepared[call.verb]:
         if moves.places is None:
+            if any(p.code == NOT_COMPILED for p in moves.calls):
+                raise NotCompiledError("texts are exchanged")
             yield from ((p.code, p.n, p.pointers, ()) for p in moves.calls)
             continue
         n = len(moves.places)

@@ -17,7 +17,7 @@ enum desat_code {
     DESAT_TICK, DESAT_LENGTH, DESAT_TAKE_8, DESAT_TAKE_4, DESAT_CONVERT, DESAT_TRANSFER,
     DESAT_STEP, DESAT_COPY, DESAT_CLEAR, DESAT_JOIN, DESAT_CUT, DESAT_PUT_R, DESAT_PUT_I,
     DESAT_PUT_B, DESAT_FETCH_R, DESAT_FETCH_I, DESAT_FETCH_B, DESAT_KEEP, DESAT_TRANSFER_3,
-    DESAT_STEP_3, DESAT_TO_TYPE, DESAT_FROM_TYPE
+    DESAT_STEP_3, DESAT_TO_TYPE, DESAT_FROM_TYPE, DESAT_WIDEN
 };
 
 /* p and x by code:
@@ -25,6 +25,7 @@ enum desat_code {
  *   LENGTH    *p0 = x0
  *   TAKE_8/4  p0[p1[i]] = p2[p3[i]], values of 8 or 4 bytes
  *   CONVERT   p0[p1[i]] = p2[p3[i]] p4[i] + p5[i]
+ *   WIDEN     the same, from integers of 4 bytes
  *   PUT, FETCH  set and get values of our own FMUs as in step mode: *p0[i] = p1[i], or back
  *   TRANSFER  function p0, component p1, value references p2, values p3
  *   STEP      function p0, component p1, time p2, length p3
@@ -187,6 +188,13 @@ static unsigned desat_perform(struct desat_loop *loop, const struct desat_operat
         return 0;
     case DESAT_CONVERT: {
         const double *source = o->p[2], *factor = o->p[4], *offset = o->p[5];
+        for (i = 0; i < o->n; i++)
+            target[first[i]] = source[index[i]] * factor[i] + offset[i];
+        return 0;
+    }
+    case DESAT_WIDEN: {
+        const int32_t *source = o->p[2];
+        const double *factor = o->p[4], *offset = o->p[5];
         for (i = 0; i < o->n; i++)
             target[first[i]] = source[index[i]] * factor[i] + offset[i];
         return 0;

@@ -25,13 +25,13 @@ from collections.abc import Callable, Collection
 from functools import partial
 from math import inf
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import numpy as np
 
 from ..system.choices import Algorithm
 from ..system.errors import DesatError
-from ..system.interface import KINDS, Kind, Signal
+from ..system.interface import KINDS, MOVED_KINDS, Kind, Signal
 from ..system.model import Component, Connection, System, Values
 from ..system.options import ALGORITHMS
 from ..system.schedule import Rates, Schedule, graded
@@ -238,9 +238,10 @@ class Master:
         read = {c.output for c in self.system.connections if c.source == name}
         pairs = [(s.name, s.slope) for s in component.interface.outputs if s.slope]
         read |= {end for pair in pairs if read & set(pair) for end in pair}
-        slots: dict[Kind, list[Slot]] = {kind: [] for kind in KINDS}
+        slots: dict[Kind, list[Slot]] = {kind: [] for kind in MOVED_KINDS}
         for s in component.interface.outputs:
-            if s.kind in KINDS and (s.name in read or watched(name, s)):
+            is_recorded = s.kind in KINDS and watched(name, s)
+            if s.kind in MOVED_KINDS and (s.name in read or is_recorded):
                 interval = self.schedule.classes[name, s.name] == "interval"
                 slots[s.kind].append(Slot(name, s, s.kind, interval))
         for of_kind in slots.values():
@@ -265,17 +266,18 @@ class Master:
             order = {signal: i for i, signal in enumerate(signals)}
             for c in sorted(incoming[name], key=lambda c: order[c.input]):
                 slot = slots[c.source, c.output]
-                member.incoming.setdefault(slot.kind, []).append((slot, c))
+                kind = cast("Kind", signals[c.input].kind)
+                member.incoming.setdefault(kind, []).append((slot, c))
         self._plan.windows()
         for member in self.members.values():
             signals = member.component.interface.signals
             member.instance.wire(
                 {
                     k: [signals[c.input] for _, c in member.incoming.get(k, ())]
-                    for k in KINDS
+                    for k in MOVED_KINDS
                 },
-                {k: [slot.signal for slot in member.slots[k]] for k in KINDS},
-                {k: self._outputs.home(member, k) for k in KINDS},
+                {k: [slot.signal for slot in member.slots[k]] for k in MOVED_KINDS},
+                {k: self._outputs.home(member, k) for k in MOVED_KINDS},
                 clocks[member.every],
             )
 
@@ -359,15 +361,15 @@ class Master:
                 if gathers[name]:
                     self._judged(member, PUSH, member.instance.push)
                 self._pull(member)
-            if all(
-                before[kind].tobytes() == self.live[kind].tobytes() for kind in KINDS
-            ):
+            if all(_same(before[kind], values) for kind, values in self.live.items()):
                 return
         changed = [
             slot
             for slot in self.slots
-            if before[slot.kind][slot.index].tobytes()
-            != self.live[slot.kind][slot.index].tobytes()
+            if not _same(
+                before[slot.kind][slot.index :][:1],
+                self.live[slot.kind][slot.index :][:1],
+            )
         ]
         names = ", ".join(
             dict.fromkeys(f"{s.component}.{s.signal.name}" for s in changed)
@@ -468,10 +470,15 @@ class Master:
         """Raise ComponentError if an output is NaN or infinite."""
         for slot in self.slots:
             value = self.live[slot.kind][slot.index]
-            if not np.isfinite(value):
+            if slot.kind != "String" and not np.isfinite(value):
                 raise ComponentError(
                     f"{slot.component}.{slot.signal.name} = {value} at t = {self.t:g} s"
                 )
+
+
+def _same(a: Array, b: Array) -> bool:
+    """Return whether two arrays have the same bits, or the same texts."""
+    return a.tolist() == b.tolist() if a.dtype == object else a.tobytes() == b.tobytes()
 
 
 class MasterPool:

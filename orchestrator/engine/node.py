@@ -13,9 +13,9 @@ from typing import Literal
 
 import numpy as np
 
-from ..system.interface import KINDS, Kind, Signal
+from ..system.interface import MOVED_KINDS, Kind, Signal
 from ..system.model import Component, Connection
-from .instances.base import DTYPE, Array, Instance
+from .instances.base import Array, Instance, blank
 from .operations import Gather, KeepRow, Places, Publish
 
 
@@ -75,7 +75,7 @@ class Node:
     ) -> list[Gather]:
         """Prepare to collect the inputs from those outputs that `moves` selects.
 
-        There is one operation per type. Once `started`, means of another rate are read
+        There is one operation per type of source and input. Once `started`, means of another rate are read
         from where they are joined or cut.
         """
         elsewhere = (
@@ -83,21 +83,18 @@ class Node:
         )
         gathers = []
         for kind, feeds in self.incoming.items():
-            moving = [
-                (
-                    i,
-                    elsewhere.get(slot.index, slot.index)
-                    if kind == "Real"
-                    else slot.index,
-                    c,
-                )
-                for i, (slot, c) in enumerate(feeds)
-                if moves(slot)
+            moving: dict[Kind, list[tuple[int, int, Connection]]] = {}
+            for i, (slot, c) in enumerate(feeds):
+                if moves(slot):
+                    index = slot.index
+                    if slot.kind == "Real":
+                        index = elsewhere.get(index, index)
+                    moving.setdefault(slot.kind, []).append((i, index, c))
+            target = self.instance.inputs[kind]
+            gathers += [
+                _gather(kind, live[of], target, of_kind, widens=of != kind)
+                for of, of_kind in moving.items()
             ]
-            if moving:
-                gathers.append(
-                    _gather(kind, live[kind], self.instance.inputs[kind], moving)
-                )
         return gathers
 
 
@@ -156,7 +153,7 @@ class Outputs:
         self.fresh: dict[Kind, Array] = {}
         self._fresh_until: dict[Kind, int] = {}
         ordered = sorted(members, key=lambda m: m.direct)
-        for kind in KINDS:
+        for kind in MOVED_KINDS:
             slots = [slot for m in ordered for slot in m.slots[kind]]
             for index, slot in enumerate(slots):
                 slot.index = index
@@ -164,8 +161,8 @@ class Outputs:
             self._fresh_until[kind] = sum(
                 len(m.slots[kind]) for m in ordered if not m.direct
             )
-            self.live[kind] = np.zeros(len(slots), DTYPE[kind])
-            self.fresh[kind] = np.zeros(len(slots), DTYPE[kind])
+            self.live[kind] = blank(kind, len(slots))
+            self.fresh[kind] = blank(kind, len(slots))
 
     def make_room(self, windows: Iterable[Window]) -> None:
         """Allocate places for the means of windows, for their receivers."""
@@ -185,7 +182,9 @@ class Outputs:
 
     def all_fresh(self) -> list[Publish]:
         """Prepare to publish all that is pulled into `fresh`, one copy per type."""
-        return self._copies((kind, slice(0, self._fresh_until[kind])) for kind in KINDS)
+        return self._copies(
+            (kind, slice(0, self._fresh_until[kind])) for kind in MOVED_KINDS
+        )
 
     def fresh_of(
         self, member: Node, output_class: Literal["all", "interval", "state"]
@@ -193,7 +192,9 @@ class Outputs:
         """Prepare to publish a member's fresh outputs: all, or those of one class."""
         if member.direct:
             return []
-        return self._copies((kind, member.place(kind, output_class)) for kind in KINDS)
+        return self._copies(
+            (kind, member.place(kind, output_class)) for kind in MOVED_KINDS
+        )
 
     def _copies(self, pieces: Iterable[tuple[Kind, slice]]) -> list[Publish]:
         """Prepare copies from `fresh` to `live`, leaving out empty slices."""
@@ -205,14 +206,18 @@ class Outputs:
 
 
 def _gather(
-    kind: Kind, live: Array, target: Array, moving: list[tuple[int, int, Connection]]
+    kind: Kind,
+    live: Array,
+    target: Array,
+    moving: list[tuple[int, int, Connection]],
+    widens: bool,
 ) -> Gather:
     """Prepare target[i] = factor * live[index] + offset.
 
-    `moving` lists (i, index, connection).
+    `moving` lists (i, index, connection). With `widens`, Integers become Reals.
     """
     index = np.array([index for _, index, _ in moving], np.intp)
-    converts = any((c.factor, c.offset) != (1.0, 0.0) for *_, c in moving)
+    converts = widens or any((c.factor, c.offset) != (1.0, 0.0) for *_, c in moving)
     if len(moving) == len(target) and not converts:
         return Gather(kind, live, target, index)
     into = np.array([i for i, _, _ in moving], np.intp)

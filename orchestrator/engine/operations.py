@@ -69,10 +69,10 @@ class Gather:
     """target[into] = factor source[index] + offset.
 
     Without `conversion` the values are copied unchanged, and without `into` all are
-    set.
+    set. The source of Reals may be Integers.
     """
 
-    kind: Kind
+    kind: Kind  # of the target
     source: Array
     target: Array
     index: NDArray[np.intp]

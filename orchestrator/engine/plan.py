@@ -73,7 +73,9 @@ class Plan:
             for name in sorted(sources):
                 source = self._members[name]
                 indices = {
-                    s.index for s, _ in member.incoming["Real"] if s.component == name
+                    s.index
+                    for s, _ in member.incoming["Real"]
+                    if s.component == name and s.kind == "Real"
                 }
                 places = means(source.slots["Real"], indices)
                 if source.every != member.every and len(places.means):
@@ -158,7 +160,10 @@ class Plan:
         """
         source = self._members[slot.component]
         return slot.interval and (
-            slot.index in {int(i) for w in member.windows for i, _ in w.moved()}
+            (
+                slot.kind == "Real"
+                and slot.index in {int(i) for w in member.windows for i, _ in w.moved()}
+            )
             or (source.every == member.every)
         )
 

@@ -9,7 +9,6 @@ import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from itertools import islice
 from pathlib import PurePath
 from typing import Any, Self
 
@@ -36,11 +35,19 @@ from ..system.model import (
 from ..system.parameters import expand, in_unit_of, is_quantity, known_unit
 from . import library
 
+# The kinds of outputs that an input of each kind takes: none loses anything.
+_ACCEPTED = {
+    "Real": ("Real", "Integer"),
+    "Integer": ("Integer",),
+    "Boolean": ("Boolean",),
+    "String": ("String",),
+}
 RESERVED = (
     "time",
     SHARED,
 )  # no component may have these names: series of times, parameters of all
 MOST_LINES = 100  # upper bound of lines about one kind of problem
+MOST_NAMED = 10  # upper bound of connectors that one line names
 # SI; no quantity of a spacecraft is larger, and its square and cube are finite
 LARGEST = 1e40
 MOST_STEPS = 1e12  # of a run: at a microsecond each they take eleven days
@@ -64,6 +71,7 @@ class Part:
     units: dict[str, Unit | str] = field(
         default_factory=dict
     )  # if not the variable's own unit
+    unit_names: dict[str, str] = field(default_factory=dict)  # of these, as written
     conflicts: dict[str, str] = field(default_factory=dict)
     origins: dict[str, str] = field(
         default_factory=dict
@@ -118,6 +126,7 @@ class Part:
         self.units.pop(name, None)
         if value.unit is not None:
             self.units[name] = value.unit
+            self.unit_names[name] = value.unit_name
 
 
 class Builder:
@@ -435,7 +444,7 @@ class Builder:
         for part in self.components.values():
             if part.interface is None:
                 continue
-            self.problems += islice(self._connectors(part, part.interface), MOST_LINES)
+            self._check_connectors(part, part.interface)
             fmu = part.fmu
             if fmu is not None and self.kind != "native":
                 fmu = library.of_kind(fmu, self.kind)
@@ -514,33 +523,32 @@ class Builder:
                     f" ] * ? = and other than {', '.join(RESERVED)}"
                 )
 
-    def _connectors(self, part: Part, interface: Interface) -> Iterator[str]:
-        """Find listed connectors that the FMU lacks or declares differently."""
+    def _check_connectors(self, part: Part, interface: Interface) -> None:
+        """Report listed connectors that the FMU lacks or declares differently.
+
+        They are problems if they are wired or given a value, in one line of a
+        component, and warnings otherwise: tools list their own settings, too.
+        """
+        used = {(c.source, c.output) for c in self.connections}
+        used |= {(c.target, c.input) for c in self.connections}
+        given = {*part.parameters, *map(base_name, part.parameters)}
+        wrong: dict[bool, list[tuple[Connector, str]]] = {True: [], False: []}
         for connector in part.connectors.values():
-            at = f"{self.place}:{connector.line}: {part.name}.{connector.name}"
             signal = interface.signals.get(connector.name)
             if part.placed_by and (
                 signal is None or connector.kind != signal.causality
             ):
                 continue  # reported in one line with all of its connections
-            if signal is None:
-                hint = nearest(connector.name, interface.signals)
-                yield f"{at}: the FMU has no such variable{hint}"
-                continue
-            if connector.kind != signal.causality:
-                yield f"{at}: listed as {connector.kind}, but it is an {signal.causality}"
-            listed = "Integer" if connector.type == "Enumeration" else connector.type
-            if listed and listed != signal.kind:
-                yield f"{at}: listed as {connector.type}, but it is {signal.kind}"
-            if (
-                connector.unit
-                and connector.unit != signal.unit_name
-                and signal.unit is not None
-            ):
-                unit = known_unit(connector.unit)
-                if unit is None or conversion(unit, signal.unit) != (1.0, 0.0):
-                    own_unit = signal.unit_name or 1
-                    yield f"{at}: listed in {connector.unit}, but it is in {own_unit}"
+            is_used = (part.name, connector.name) in used or connector.name in given
+            for text in _misfits(connector, signal, interface):
+                wrong[is_used].append((connector, text))
+        for is_used, report in ((True, self.problems.append), (False, self._warn)):
+            if wrong[is_used]:
+                line = wrong[is_used][0][0].line
+                texts = [f"{c.name}: {text}" for c, text in wrong[is_used]]
+                listed = _counted(texts)
+                unused = "" if is_used else "; they are not used"
+                report(f"{self.place}:{line}: {part.name}.{listed}{unused}")
 
     def _parameters(self, part: Part, interface: Interface) -> dict[str, Scalar]:
         """Return a component's values by element, in the variables' own units."""
@@ -564,9 +572,12 @@ class Builder:
             unit = part.units.get(name)
             try:
                 if unit is not None and signals:
-                    value = self._converted_value(
-                        name, value, unit, signals[0], interface, at
-                    )
+                    if part.unit_names.get(name) == signals[0].unit_name:
+                        self._warn_of_namesake(unit, signals[0].unit, signals[0], at)
+                    else:
+                        value = self._converted_value(
+                            name, value, unit, signals[0], interface, at
+                        )
                 parameters.update(expand(interface, name, value, f"{at}: {part.name}"))
             except DesatError as error:
                 self.problems.append(str(error))
@@ -591,6 +602,18 @@ class Builder:
         if isinstance(value, str) or unit == signal.unit_name:
             return value
         return in_unit_of(signal, value, unit, place)
+
+    def _warn_of_namesake(
+        self, unit: Unit | str | None, other: Unit | None, signal: Signal, place: str
+    ) -> None:
+        """Warn of two units that have one name and are defined differently."""
+        if isinstance(unit, str) or unit is None or other is None:
+            return
+        if conversion(unit, other) != (1.0, 0.0):
+            self._warn(
+                f"{place}: {signal.name}: the unit {signal.unit_name} is defined in two "
+                "ways: the value is taken as it is"
+            )
 
     def _warn(self, line: str) -> None:
         """Add a warning, once."""
@@ -624,7 +647,7 @@ class Builder:
             if source is None or target is None:
                 continue
             place = f"{self.place}:{c.line}"
-            if source.kind != target.kind:
+            if source.kind not in _ACCEPTED.get(target.kind, ()):
                 self.problems.append(
                     f"{place}: {c}: type {source.kind} does not fit {target.kind}"
                 )
@@ -634,6 +657,9 @@ class Builder:
                     f"{place}: {c}: {c.target}.{c.input} has two sources, also "
                     f"{other.source}.{other.output} (line {other.line})"
                 )
+            if source.unit_name == target.unit_name and c.converts:
+                at = f"{place}: {c}"
+                self._warn_of_namesake(source.unit, target.unit, target, at)
             try:
                 result.append(_converted(c, source, target))
             except DesatError as error:
@@ -725,6 +751,39 @@ class Builder:
         return step, stop
 
 
+def _misfits(
+    connector: Connector, signal: Signal | None, interface: Interface
+) -> Iterator[str]:
+    """Say how a listed connector differs from the variable of its name.
+
+    An Integer may be listed as Real and the other way round: what is wired to it
+    decides.
+    """
+    if signal is None:
+        hint = nearest(connector.name, interface.signals)
+        yield f"the FMU has no such variable{hint}"
+        return
+    if connector.kind != signal.causality:
+        yield f"listed as {connector.kind}, but it is an {signal.causality}"
+    listed = "Integer" if connector.type == "Enumeration" else connector.type
+    numbers = ("Real", "Integer")
+    if listed not in ("", signal.kind) and {listed, signal.kind} != {*numbers}:
+        yield f"listed as {connector.type}, but it is {signal.kind}"
+    if connector.unit in ("", signal.unit_name) or signal.unit is None:
+        return
+    unit = known_unit(connector.unit)
+    if unit is None or conversion(unit, signal.unit) != (1.0, 0.0):
+        own_unit = signal.unit_name or 1
+        yield f"listed in {connector.unit}, but it is in {own_unit}"
+
+
+def _counted(texts: list[str]) -> str:
+    """Join texts for one line; of very many the first ones and their count."""
+    if len(texts) <= MOST_NAMED:
+        return "; ".join(texts)
+    return f"{'; '.join(texts[:MOST_NAMED])}; and {len(texts) - MOST_NAMED} more"
+
+
 def _keep_alike(part: Part, before: Interface | None) -> list[str]:
     """Remove the values of variables that the new interface declares differently.
 
@@ -773,9 +832,9 @@ def _converted(c: Connection, source: Signal, target: Signal) -> Connection:
     """
     if not c.converts or not (source.unit_name and target.unit_name):
         return c
+    if source.unit_name == target.unit_name:
+        return c
     if source.unit is None or target.unit is None:
-        if source.unit_name == target.unit_name:
-            return c
         unknown = source.unit_name if source.unit is None else target.unit_name
         raise DesatError(
             f"unit {unknown} is not known: nothing says how {source.unit_name} becomes "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tempfile
 import zipfile
 from collections.abc import Callable, Iterator
 from functools import lru_cache
@@ -22,7 +23,7 @@ from ..system.errors import DesatError, plain
 from ..system.interface import Interface, OutputClass, Signal, apart
 from ..system.parameters import known_unit
 from .io import contents
-from .model_structure import check_structure
+from .model_structure import mend_structure
 from .xml import parse_bytes
 
 LONGEST_NAME = 200  # characters of a library's name
@@ -172,13 +173,7 @@ def _read(path: Path, called: str) -> tuple[Any, Any]:
     Raises DesatError if it is not for co-simulation or not readable.
     """
     try:
-        if path.is_dir():
-            xml = contents(
-                path / "modelDescription.xml", f"{called}/modelDescription.xml"
-            )
-        else:
-            with zipfile.ZipFile(path) as archive:
-                xml = archive.read("modelDescription.xml")
+        xml = _description_bytes(path, called)
         root = parse_bytes(xml, f"{called}/modelDescription.xml")
         version = root.get("fmiVersion") or "of no version"
         known = _is_known(version)
@@ -193,16 +188,24 @@ def _read(path: Path, called: str) -> tuple[Any, Any]:
                 "export it as that"
             )
         _identifier(called, root)
-        check_structure(root, f"{called}/modelDescription.xml")
         return root, description_of(path, called)
     except (OSError, KeyError, zipfile.BadZipFile, etree.XMLSyntaxError) as error:
         raise DesatError(f"{called}: not a readable FMU ({error})") from error
 
 
+def _description_bytes(path: Path, called: str) -> bytes:
+    """Read the bytes of an FMU's model description."""
+    if path.is_dir():
+        return contents(path / "modelDescription.xml", f"{called}/modelDescription.xml")
+    with zipfile.ZipFile(path) as archive:
+        return archive.read("modelDescription.xml")
+
+
 def description_of(path: Path, called: str = "") -> Any:
     """Parse the model description of an FMU with fmpy.
 
-    It is not checked for violations of the standard.
+    It is not checked for violations of the standard; those of `mend_structure` are
+    mended.
 
     Parameters
     ----------
@@ -216,10 +219,17 @@ def description_of(path: Path, called: str = "") -> Any:
     DesatError
         If the description cannot be read.
     """
+    place = f"{called or path.name}/modelDescription.xml"
+    root = parse_bytes(_description_bytes(path, called or path.name), place)
+    mended = mend_structure(root, place)
     try:
-        return read_model_description(path, validate=False)
+        if not mended:
+            return read_model_description(path, validate=False)
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "modelDescription.xml"
+            file.write_bytes(etree.tostring(root))
+            return read_model_description(folder, validate=False)
     except Exception as error:  # fmpy raises plain Exception, KeyError, IndexError, ...
-        place = f"{called or path.name}/modelDescription.xml"
         lines = str(error).splitlines() or [type(error).__name__]
         kind = "" if type(error) is Exception else f"{type(error).__name__}: "
         raise DesatError(f"{place}: {kind}{plain(lines[0])}") from error
@@ -241,6 +251,11 @@ def structure_faults(path: Path) -> tuple[str, ...]:
 
 def _faults(path: Path, is_archive: bool) -> tuple[str, ...]:
     """Return the findings of fmpy's validation, a line each."""
+    if not is_archive:
+        place = "modelDescription.xml"
+        root = parse_bytes(contents(path / place, place), place)
+        if mended := mend_structure(root, place):
+            return mended
     try:
         read_model_description(
             path,
@@ -328,6 +343,7 @@ def _signal(
         if v.causality == "output"
         else "state",
         initial=note.get("initial") == "true",
+        settable=_is_settable(v),
         mean=note.get("mean") == "true",
         slope=slope and (slope if element is None else name.replace(v.name, slope, 1)),
         shared=note.get("shared") == "true",
@@ -335,6 +351,17 @@ def _signal(
         needed_by=tuple(note.get("neededBy", "").split()),
         usual=_range(note["usual"]) if "usual" in note else None,
     )
+
+
+def _is_settable(v: Any) -> bool:
+    """Return whether a variable may be set before initialisation.
+
+    FMI 1.0 has no `initial`; there what has a start value may be set.
+    """
+    if v.variability == "constant":
+        return False
+    initial = v.initial or ("exact" if v.start is not None else "calculated")
+    return initial in ("exact", "approx")
 
 
 # How a start value is parsed, by the variable's kind; any other is a text.

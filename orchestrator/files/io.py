@@ -229,7 +229,7 @@ def extract(path: Path, folder: Path) -> None:
     global _extracted
     try:
         with zipfile.ZipFile(path) as archive:
-            entries = archive.infolist()
+            entries = _portable(archive.infolist())
             size = _check(path.name, path.stat().st_size, entries)
             if _extracted + size > IN_ALL:
                 raise DesatError(
@@ -243,7 +243,8 @@ def extract(path: Path, folder: Path) -> None:
                     f"free in {folder.parent}",
                     Exit.SPACE,
                 )
-            archive.extractall(folder)
+            for entry in entries:
+                archive.extract(entry, folder)
             _extracted += size
     except DesatError:
         raise
@@ -260,6 +261,20 @@ def extract(path: Path, folder: Path) -> None:
         ) from error
 
 
+def _portable(entries: list[zipfile.ZipInfo]) -> list[zipfile.ZipInfo]:
+    """Write the names of entries as a zip archive should: with `/`, without `./`.
+
+    The folder of the archive itself is left out.
+    """
+    for entry in entries:
+        is_absolute = entry.filename.startswith(("/", "\\"))
+        parts = [p for p in re.split(r"[/\\]", entry.filename) if p not in ("", ".")]
+        is_folder = entry.filename.endswith(("/", "\\", "/.", "\\."))
+        name = "/".join(parts) + ("/" if is_folder and parts else "")
+        entry.filename = "/" + name if is_absolute else name
+    return [entry for entry in entries if entry.filename not in ("", ".")]
+
+
 def _check(name: str, file_size: int, entries: list[zipfile.ZipInfo]) -> int:
     """Check the entries of an archive and return their extracted size (bytes).
 
@@ -272,13 +287,8 @@ def _check(name: str, file_size: int, entries: list[zipfile.ZipInfo]) -> int:
         raise DesatError(f"{name}: holds {twice[0]} twice")
     for entry in entries:
         text, parts = entry.filename, PurePosixPath(entry.filename).parts
-        if (
-            not parts
-            or ".." in parts
-            or text.startswith("/")
-            or "\\" in text
-            or ":" in text
-        ):
+        is_absolute = text.startswith("/") or bool(PureWindowsPath(text).drive)
+        if not parts or ".." in parts or is_absolute:
             raise DesatError(f"{name}: entry {text!r} would leave the folder")
         if len(parts) > DEPTH:
             raise DesatError(

@@ -1,7 +1,8 @@
 """Check what a model description says about its own variables, before fmpy reads it.
 
 fmpy takes an index that points nowhere for one from the end of the list, or fails
-without naming the element. The standards are FMI 2.0.4, section 2.2.7, and FMI 3.0.1,
+without naming the element. What other tools tolerate, and whose meaning is clear, is
+mended in what fmpy reads. The standards are FMI 2.0.4, section 2.2.7, and FMI 3.0.1,
 section 2.4.7.4.
 """
 
@@ -33,22 +34,31 @@ LISTS_2 = ("Outputs", "Derivatives", "InitialUnknowns")
 LONGEST = 80  # characters of a foreign text that a message repeats
 
 
-def check_structure(root: Any, place: str) -> None:
+def mend_structure(root: Any, place: str) -> tuple[str, ...]:
     """Check the variables of a model description and all references to them.
+
+    A variability that the causality does not allow is replaced by the nearest one that
+    it does. Dependencies that point nowhere are removed, so that an output depends on
+    everything, and so are unknowns and derivatives that point nowhere.
 
     Parameters
     ----------
     root
-        The root element of modelDescription.xml.
+        The root element of modelDescription.xml, which is mended.
     place
         The file's name in messages.
+
+    Returns
+    -------
+    tuple
+        What was mended, a line each.
 
     Raises
     ------
     DesatError
-        If a variable has no name, type or value reference, or a variability that its
-        causality does not allow, or if an index, dependency, dimension, derivative or
-        clock refers to a variable that does not exist.
+        If a variable has no name, type, value reference or known causality and
+        variability, or if a dimension or a clock refers to a variable that does not
+        exist.
     """
     found = root.find("ModelVariables")
     if found is None:
@@ -56,6 +66,7 @@ def check_structure(root: Any, place: str) -> None:
     variables = [v for v in found if isinstance(v.tag, str)]
     version = root.get("fmiVersion", "")
     references = set()
+    mended: list[str] = []
     for variable in variables:
         if not variable.get("name"):
             raise DesatError(
@@ -63,62 +74,103 @@ def check_structure(root: Any, place: str) -> None:
             )
         references.add(_parse_natural(variable, "valueReference", place))
         if version != "1.0":
-            _check_variability(variable, place, version)
+            mended += _mend_variability(variable, place, version)
         if not version.startswith("3."):
             _check_type(variable, place)
     if version == "2.0":
-        _check_references_2(root, variables, place)
+        mended += _mend_references_2(root, variables, place)
     elif version.startswith("3."):
-        _check_references_3(root, variables, references, place)
+        mended += _mend_references_3(root, variables, references, place)
+    return tuple(mended)
 
 
-def _check_references_2(root: Any, variables: list[Any], place: str) -> None:
-    """Check references by index, as FMI 2.0 has them."""
+def _mend_references_2(root: Any, variables: list[Any], place: str) -> Iterator[str]:
+    """Mend references by index, as FMI 2.0 has them."""
     indices = range(1, len(variables) + 1)
-    for unknown in _unknowns_2(root):
-        _check_reference(unknown, "index", indices, place)
-        _check_references(unknown, "dependencies", indices, place)
+    for name in LISTS_2:
+        for unknown in root.findall(f"ModelStructure/{name}/Unknown"):
+            yield from _mend_unknown(unknown, "index", indices, place)
     for variable in variables:
         for real in variable.iterfind("Real[@derivative]"):
-            _check_reference(real, "derivative", indices, place)
+            yield from _mend_derivative(real, indices, place)
 
 
-def _unknowns_2(root: Any) -> Iterator[Any]:
-    """Yield the unknowns of ModelStructure in FMI 2.0."""
-    for name in LISTS_2:
-        yield from root.iterfind(f"ModelStructure/{name}/Unknown")
-
-
-def _check_references_3(
+def _mend_references_3(
     root: Any, variables: list[Any], references: Container[int], place: str
-) -> None:
-    """Check references by value reference, as FMI 3.0 has them."""
-    for unknown in root.iterfind("ModelStructure/*"):
-        _check_reference(unknown, "valueReference", references, place)
-        _check_references(unknown, "dependencies", references, place)
+) -> Iterator[str]:
+    """Mend references by value reference, as FMI 3.0 has them."""
+    for unknown in root.findall("ModelStructure/*"):
+        if isinstance(unknown.tag, str):
+            yield from _mend_unknown(unknown, "valueReference", references, place)
     for variable in variables:
         if variable.get("derivative") is not None:
-            _check_reference(variable, "derivative", references, place)
-        _check_references(variable, "clocks", references, place)
+            yield from _mend_derivative(variable, references, place)
+        for text in variable.get("clocks", "").split():
+            if fault := _fault_of(variable, "clocks", text, references, place):
+                raise DesatError(fault)
         for dimension in variable.iterfind("Dimension[@valueReference]"):
-            _check_reference(dimension, "valueReference", references, place)
+            text = dimension.get("valueReference", "")
+            if fault := _fault_of(dimension, "valueReference", text, references, place):
+                raise DesatError(fault)
 
 
-def _check_variability(variable: Any, place: str, version: str) -> None:
-    """Raise DesatError if a variable's causality does not allow its variability."""
+def _mend_unknown(
+    unknown: Any, key: str, known: Container[int], place: str
+) -> Iterator[str]:
+    """Remove an unknown that points nowhere, or its dependencies that do."""
+    if fault := _fault_of(unknown, key, unknown.get(key, ""), known, place):
+        unknown.getparent().remove(unknown)
+        yield f"{fault}: it is left out"
+        return
+    for text in unknown.get("dependencies", "").split():
+        if fault := _fault_of(unknown, "dependencies", text, known, place):
+            for attribute in ("dependencies", "dependenciesKind"):
+                unknown.attrib.pop(attribute, None)
+            yield f"{fault}: it is taken to depend on everything"
+            return
+
+
+def _mend_derivative(element: Any, known: Container[int], place: str) -> Iterator[str]:
+    """Remove a derivative's reference that points nowhere."""
+    text = element.get("derivative", "")
+    if fault := _fault_of(element, "derivative", text, known, place):
+        del element.attrib["derivative"]
+        yield f"{fault}: it is left out"
+
+
+# The variability that is meant where a causality has one of the other kind.
+_MEANT = {
+    **dict.fromkeys(_OF_SIGNALS, "tunable"),
+    **dict.fromkeys(_OF_PARAMETERS, "discrete"),
+}
+
+
+def _mend_variability(variable: Any, place: str, version: str) -> Iterator[str]:
+    """Replace a variability that the causality of a variable does not allow.
+
+    Raises DesatError for a causality or variability that FMI does not know.
+    """
     causality = variable.get("causality", "local")
     at = f"{_place(variable, place)}: causality {_short(causality)}"
     if causality not in ALLOWED:
         raise DesatError(f"{at}: there are {', '.join(ALLOWED)}")
-    allowed_by_default = (
-        ALLOWED[causality][0] if version.startswith("3.") else "continuous"
-    )
-    variability = variable.get("variability", allowed_by_default)
-    if variability not in ALLOWED[causality]:
-        allowed = " or ".join(ALLOWED[causality])
-        raise DesatError(
-            f"{at} with variability {_short(variability)}: {allowed} is allowed"
-        )
+    allowed = ALLOWED[causality]
+    by_default = allowed[0] if version.startswith("3.") else "continuous"
+    variability = variable.get("variability", by_default)
+    if variability in allowed:
+        return
+    text = f"{at} with variability {_short(variability)}: {' or '.join(allowed)} is allowed"
+    if variability not in _OF_ALL:
+        raise DesatError(text)
+    is_real = variable.find("Real") is not None or variable.tag.startswith("Float")
+    meant = _MEANT.get(variability, allowed[0])
+    if meant == "discrete" and is_real and "continuous" in allowed:
+        meant = "continuous"
+    meant = meant if meant in allowed else allowed[0]
+    variable.set("variability", meant)
+    if causality == "input" or variable.get("initial") == "calculated":
+        variable.attrib.pop("initial", None)
+    yield f"{text}: taken for {meant}"
 
 
 def _check_type(variable: Any, place: str) -> None:
@@ -129,32 +181,20 @@ def _check_type(variable: Any, place: str) -> None:
         )
 
 
-def _check_references(
-    element: Any, key: str, known: Container[int], place: str
-) -> None:
-    """Raise DesatError if a reference in a list points nowhere."""
-    for text in element.get(key, "").split():
-        _check_known(element, key, text, known, place)
-
-
-def _check_reference(element: Any, key: str, known: Container[int], place: str) -> None:
-    """Raise DesatError if a reference is missing or points nowhere."""
-    _check_known(element, key, element.get(key, ""), known, place)
-
-
-def _check_known(
+def _fault_of(
     element: Any, key: str, text: str, known: Container[int], place: str
-) -> None:
-    """Raise DesatError if a reference is not among the known ones."""
+) -> str:
+    """Return a line if a reference is not among the known ones, else an empty text."""
     if _read(text) in known:
-        return
+        return ""
     allowed = (
         f"1 to {len(known)}"
         if isinstance(known, range)
         else "value references of variables"
     )
-    raise DesatError(
-        f"{_place(element, place)}: {key} {_short(text)!r} is no variable; {allowed} are allowed"
+    return (
+        f"{_place(element, place)}: {key} {_short(text)!r} is no variable; {allowed} "
+        "are allowed"
     )
 
 

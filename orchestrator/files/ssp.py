@@ -149,6 +149,7 @@ class _Value(NamedTuple):
     value: Scalar | str  # a text names an item of an enumeration
     unit: Unit | str | None  # a text is the name of an unknown unit
     at: str  # file and line
+    unit_name: str = ""  # as it is written
     also: str = ""  # file and line of another value of the same name in the set
 
     def through(self, factor: float, offset: float, converts: bool) -> _Value:
@@ -156,14 +157,15 @@ class _Value(NamedTuple):
 
         Raises DesatError if the value is a text.
         """
-        unit = self.unit if converts else None
+        unit, name = (self.unit, self.unit_name) if converts else (None, "")
         if (factor, offset) == (1.0, 0.0):
-            return self._replace(unit=unit)
+            return self._replace(unit=unit, unit_name=name)
         if isinstance(self.value, str):
             raise DesatError(
                 f"{self.at}: {self.name} = {self.value}: a transformation needs a number"
             )
-        return self._replace(value=factor * self.value + offset, unit=unit)
+        value = factor * self.value + offset
+        return self._replace(value=value, unit=unit, unit_name=name)
 
 
 class _Reader:
@@ -409,6 +411,7 @@ class _Reader:
                 place,
                 place,
                 unit=value.unit,
+                unit_name=value.unit_name,
                 conflict=conflict,
                 unchecked=True,
             )
@@ -575,7 +578,8 @@ class _Reader:
                     f"{place}:{value.sourceline}",
                 )
                 unit = self.unit(value.get("unit"), root, f"{at}: {source}")
-                read = _Value(source, self.value(value, place), unit, at)
+                unit_name = value.get("unit", "")
+                read = _Value(source, self.value(value, place), unit, at, unit_name)
                 for name, factor, offset, converts in mapped.get(
                     source, [(source, 1.0, 0.0, True)]
                 ):
@@ -656,6 +660,8 @@ class _Reader:
                 return int(text) if re.fullmatch(r"[+-]?\d+", text) else text
             if kind == "Integer":
                 return int(text)
+            if kind == "String":
+                return text
             if kind == "Boolean":
                 return {"true": True, "1": True, "false": False, "0": False}[text]
         except (ValueError, KeyError) as error:

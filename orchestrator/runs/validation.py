@@ -350,8 +350,7 @@ _BYTES = {"Real": 8, "Integer": 4, "Boolean": 4}
 def recording_problems(system: System, options: Options) -> Iterator[str]:
     """Yield a line for each problem with the recorded outputs.
 
-    These are patterns without an output, outputs whose names cannot be recorded, and an
-    `every` beyond the steps of the run.
+    These are patterns without an output, and an `every` beyond the steps of the run.
     """
     outputs = [
         (c.name, s) for c in system.components.values() for s in c.interface.outputs
@@ -362,12 +361,6 @@ def recording_problems(system: System, options: Options) -> Iterator[str]:
         ):
             known = {f"{name}.{s.series}" for name, s in outputs}
             yield f"--record {pattern}: no output fits{nearest(pattern, known)}"
-    for name, signal in outputs:
-        text = signal.series
-        if not (text.isprintable() and text.strip(". ") and "/" not in text) and any(
-            selects([pattern], name, signal) for pattern in options.record
-        ):
-            yield f"{system.place}: {name}: the output {text!r} has no name that can be recorded"
     if options.every > system.steps:
         yield f"--every {options.every}: the run has {system.steps} steps"
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from functools import lru_cache
 from types import MappingProxyType
@@ -69,6 +69,7 @@ def check(
     if system is None:
         return checked
     checked.problems += _inputs(system)
+    checked.warnings += _in_part(system)
     checked.warnings += _at_start(system)
     _shared(system, checked)
     checked.problems += _samples(system)
@@ -90,7 +91,7 @@ def check(
 
 
 def _inputs(system: System) -> Iterator[str]:
-    """Find listed inputs without source or value, and partly wired arrays."""
+    """Find listed inputs of our roles without source or value, and arrays in part."""
     wired = {(c.target, c.input) for c in system.connections}
     for c in system.components.values():
         for connector in c.connectors.values():
@@ -101,21 +102,42 @@ def _inputs(system: System) -> Iterator[str]:
                     f"{system.place}:{connector.line}: {c.name}.{name} is listed, but has "
                     "neither a connection nor a value"
                 )
-        arrays: dict[str, list[str]] = defaultdict(list)
-        for signal in c.interface.inputs:
-            arrays[signal.array].append(signal.name)
-        for elements in arrays.values():
-            missing = [
-                e
-                for e in elements
-                if (c.name, e) not in wired and e not in c.parameters
-            ]
-            if 0 < len(missing) < len(elements):
-                array = base_name(missing[0])
-                yield (
-                    f"{system.place}:{c.line}: {c.name}.{array} is wired in part: "
-                    f"{', '.join(missing)} has neither a connection nor a value"
-                )
+        for array, missing in _missing_elements(c, wired) if c.interface.role else ():
+            yield (
+                f"{system.place}:{c.line}: {c.name}.{array} is wired in part: "
+                f"{', '.join(missing)} has neither a connection nor a value"
+            )
+
+
+def _in_part(system: System) -> Iterator[str]:
+    """Find arrays of foreign FMUs that are wired or given in part, a line each."""
+    wired = {(c.target, c.input) for c in system.connections}
+    for c in system.components.values():
+        if c.interface.role:
+            continue
+        for array, missing in _missing_elements(c, wired):
+            names = ", ".join(missing[:3]) + (" ..." if len(missing) > 3 else "")
+            yield (
+                f"{system.place}:{c.line}: {c.name}.{array} is wired or given in part: "
+                f"{names} of {len(c.interface.arrays[array])} keep the FMU's start values"
+            )
+
+
+def _missing_elements(
+    component: Component, wired: Set[tuple[str, str]]
+) -> Iterator[tuple[str, list[str]]]:
+    """Yield the arrays of inputs that are wired or given in part, and what is missing."""
+    arrays: dict[str, list[str]] = defaultdict(list)
+    for signal in component.interface.inputs:
+        arrays[signal.array].append(signal.name)
+    for array, elements in arrays.items():
+        missing = [
+            e
+            for e in elements
+            if (component.name, e) not in wired and e not in component.parameters
+        ]
+        if 0 < len(missing) < len(elements):
+            yield array, missing
 
 
 def _at_start(system: System) -> Iterator[str]:

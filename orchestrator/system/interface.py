@@ -22,8 +22,12 @@ from desat.fmus.registry import block_class
 
 from .errors import DesatError, look_up, nearest
 
-Kind = Literal["Real", "Integer", "Boolean"]
+Kind = Literal["Real", "Integer", "Boolean", "String"]
+# The kinds of values that are recorded, and those that connections move.
 KINDS: tuple[Kind, ...] = ("Real", "Integer", "Boolean")
+MOVED_KINDS: tuple[Kind, ...] = (*KINDS, "String")
+# An element's name: that of its array, then its index.
+_ELEMENT = re.compile(r"(.+)\[([0-9]+(?:, *[0-9]+)*)\]", re.DOTALL)
 OutputClass = Literal["state", "interval", "undeclared"]
 
 
@@ -59,6 +63,8 @@ class Signal:
     usual: tuple[float, float] | None = None
     type: str = ""  # FMI 3.0 only: the variable's type, such as Float32 or UInt8
     element: int = 0  # FMI 3.0 only: index in its array; `reference` includes it
+    # whether it may be set before initialisation (`initial` exact or approx)
+    settable: bool = False
     # an output that is recorded under its own name, as its array is not numbered from 1
     # in order
     alone: bool = False
@@ -69,9 +75,14 @@ class Signal:
     series: str = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        array = self.name.partition("[")[0]
+        array = base_name(self.name)
         object.__setattr__(self, "array", array)
         object.__setattr__(self, "series", self.name if self.alone else array)
+
+    @property
+    def may_be_given(self) -> bool:
+        """Return whether a scenario may give its value."""
+        return self.settable or self.causality in ("parameter", "input")
 
     def named(self, value: Any) -> Any:
         """Return the name of a choice; any other value is returned unchanged."""
@@ -153,14 +164,10 @@ def _in_order(elements: list[tuple[int, Signal]]) -> bool:
     They must be contiguous and of one type, class and unit.
     """
     first, signal = elements[0]
-    base = signal.array
-    if [s.name for _, s in elements] == [base]:
+    if [s.name for _, s in elements] == [signal.array]:
         return True
-    found = [
-        re.fullmatch(r"\[(\d+(?:,\d+)*)\]", s.name.removeprefix(base))
-        for _, s in elements
-    ]
-    indices = [tuple(map(int, m[1].split(","))) if m else () for m in found]
+    found = [_ELEMENT.fullmatch(s.name) for _, s in elements]
+    indices = [tuple(map(int, m[2].split(","))) if m else () for m in found]
     every_index = list(product(*(range(1, n + 1) for n in indices[-1])))
     return indices == every_index and all(
         place == first + k
@@ -172,8 +179,13 @@ def _in_order(elements: list[tuple[int, Signal]]) -> bool:
 
 @lru_cache(maxsize=1 << 16)
 def base_name(name: str) -> str:
-    """Return the name of the array of an element: `b_eci` for `b_eci[2]`."""
-    return name.partition("[")[0]
+    """Return the name of the array of an element: `b_eci` for `b_eci[2]`.
+
+    Only an index at the end is one of an array of scalars: `a[1].b` is a name as a
+    whole.
+    """
+    found = _ELEMENT.fullmatch(name) if name.endswith("]") else None
+    return found[1] if found else name
 
 
 @cache

@@ -34,6 +34,7 @@ class Value:
         False  # a value that does not fit raises an error; otherwise it is a problem
     )
     unit: Unit | str | None = None  # unit of the value, if a file names one
+    unit_name: str = ""  # the same, as it is written
     conflict: str = ""  # message if one parameter set gives two values
     unchecked: bool = False  # of an SSP file: checked when the last layer is known
 

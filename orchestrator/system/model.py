@@ -17,7 +17,7 @@ from typing import Any, Literal, Protocol
 from desat.components.contract.block import Scalar
 
 from .body import Body
-from .interface import Interface, OutputClass
+from .interface import Interface, OutputClass, base_name
 
 J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)  # origin of `epoch_j2000`
 AUTO: Literal["auto"] = "auto"
@@ -61,8 +61,8 @@ class Connection:
     series: str = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "output_array", self.output.partition("[")[0])
-        object.__setattr__(self, "input_array", self.input.partition("[")[0])
+        object.__setattr__(self, "output_array", base_name(self.output))
+        object.__setattr__(self, "input_array", base_name(self.input))
         object.__setattr__(self, "series", f"{self.source}.{self.output_array}")
 
     def __str__(self) -> str:

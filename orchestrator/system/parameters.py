@@ -173,11 +173,14 @@ def expand(
     signal = interface.signals.get(name)
     signals = interface.elements.get(name, ()) if signal is None else [signal]
     if not signals:
-        known = {s.array for c in ("parameter", "input") for s in interface.of(c)}
+        known = {s.array for s in interface.signals.values() if s.may_be_given}
         raise DesatError(f"{place} has no variable {name}{nearest(name, known)}")
-    if signals[0].causality not in ("parameter", "input"):
+    if not signals[0].may_be_given:
+        reason = "" if interface.role else ", whose start value the FMU computes"
+        kind = signals[0].causality
+        article = "an" if kind[0] in "aeiou" else "a"
         raise DesatError(
-            f"{place}.{name} is an {signals[0].causality}: it cannot be set"
+            f"{place}.{name} is {article} {kind}{reason}: it cannot be set"
         )
     if typed and isinstance(value, int) and not isinstance(value, bool):
         value = _typed_choice(signals[0].choices, value)
@@ -260,7 +263,9 @@ def _scalar(signal: Signal, value: Any, place: str) -> Scalar:
             return _within(signal, _quantity(signal, value, place), place)
         case "Real" if is_number:
             return _within(signal, float(value), place)
-        case "Boolean" | "Integer" | "Real":
+        case "String" if isinstance(value, str):
+            return value
+        case "Boolean" | "Integer" | "Real" | "String":
             pass
         case _:
             raise DesatError(f"{place} is of type {signal.kind}: it cannot be set")

@@ -21,7 +21,17 @@ from ...system.errors import DesatError, RunError
 from ...system.interface import Kind, Signal
 
 Array = NDArray[Any]
-DTYPE: dict[Kind, Any] = {"Real": np.float64, "Integer": np.int32, "Boolean": np.int32}
+DTYPE: dict[Kind, Any] = {
+    "Real": np.float64,
+    "Integer": np.int32,
+    "Boolean": np.int32,
+    "String": object,
+}
+
+
+def blank(kind: Kind, count: int) -> Array:
+    """Return an array of values of a kind: zeros, or empty texts."""
+    return np.full(count, "" if kind == "String" else 0, DTYPE[kind])
 
 
 class ComponentError(DesatError):

@@ -17,7 +17,12 @@ from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from fmpy import fmi1
-from fmpy.fmi1 import FMU1Slave, fmi1CallbackFunctions, fmi1CallbackLoggerTYPE
+from fmpy.fmi1 import (
+    FMICallException,
+    FMU1Slave,
+    fmi1CallbackFunctions,
+    fmi1CallbackLoggerTYPE,
+)
 from fmpy.fmi2 import (
     FMU2Slave,
     defaultCallbacks,
@@ -35,6 +40,7 @@ from ...system.model import Fmu
 from .base import Array
 
 Way = Literal["Set", "Get"]
+NOT_COMPILED = ""  # code of what the compiled loop does not have
 _DISCARD, _ERROR = 2, 3
 # Tolerance of the end time that a step of FMI 3.0 reports, as a share of the step. An
 # FMU that accumulates its time has the rounding of the sum: after 10^7 steps of 0.1 s,
@@ -121,6 +127,29 @@ class FmiFunctions(ABC):
 
         The values come from, or go to, an array in the order of the variables.
         """
+
+    def texts(self, way: Way, signals: Sequence[Signal], values: Array) -> Prepared:
+        """Prepare to set or get Strings, from or to an array of texts.
+
+        The compiled loop has no such operation.
+        """
+        n, references = len(signals), _references([s.reference for s in signals])
+        buffer = (ctypes.c_char_p * n)()
+        function = getattr(self.fmu, f"{self.prefix}{way}String")
+        counts = (n,) if self.prefix == "fmi3" else ()  # of the values
+
+        def call() -> int:
+            if way == "Set":
+                buffer[:] = [text.encode() for text in values]
+            try:
+                status = function(self.c, references, n, buffer, *counts)
+            except FMICallException as error:
+                status = error.status
+            if way == "Get" and not status > 1:
+                values[:] = [(b or b"").decode(errors="replace") for b in buffer]
+            return int(status) % (1 << 32)
+
+        return Prepared(call, NOT_COMPILED, n, ())
 
     @abstractmethod
     def step(self, t: Any, dt: Any, no_state_before: int) -> Prepared:

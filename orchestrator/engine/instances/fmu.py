@@ -21,9 +21,9 @@ from desat.components.contract.block import Scalar
 
 from ...files.fmu import description_of
 from ...system.errors import DesatError, plain
-from ...system.interface import KINDS, Kind, Signal
+from ...system.interface import MOVED_KINDS, Kind, Signal
 from ...system.model import Component, Fmu
-from .base import DTYPE, Array, Clock, ComponentError, is_of_status, warn_of
+from .base import DTYPE, Array, Clock, ComponentError, blank, is_of_status, warn_of
 from .fmi_versions import FMI_VERSIONS, FmiFunctions, Prepared, forget, listen
 
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
@@ -113,7 +113,7 @@ class FmuInstance:
 
     def __init__(self, component: Component, fmu: Fmu) -> None:
         self.name, self.place = component.name, 0
-        self._interface = fmu.interface
+        self._interface = component.interface
         self.messages: list[str] = []  # logged messages whose status is not ok
         self.foreign, self._process = not fmu.interface.role, os.getpid()
         self._library = _library(fmu.folder, not self.foreign, fmu.interface.fmi)
@@ -130,7 +130,7 @@ class FmuInstance:
                 f"modelDescription.xml of FMI {fmu.interface.fmi}: both must be the same"
             )
         self._functions = functions(
-            self._library.fmu, self._library.calls, fmu.interface
+            self._library.fmu, self._library.calls, component.interface
         )
         self._before = ctypes.c_void_p()  # state before a step that may be halved
         listen(id(self), self.messages)
@@ -197,9 +197,7 @@ class FmuInstance:
         into: dict[Kind, Array],
         clock: Clock,
     ) -> None:
-        self.inputs = {
-            k: np.zeros(len(inputs[k]), DTYPE[k]) for k in KINDS if inputs[k]
-        }
+        self.inputs = {k: blank(k, len(inputs[k])) for k in MOVED_KINDS if inputs[k]}
         self._keep: list[Any] = [self.inputs, into]  # the calls hold bare addresses
         self._clock = clock
         self.prepared = {
@@ -252,12 +250,20 @@ class FmuInstance:
     ) -> list[Moves]:
         """Prepare the transfer of all values, one for each type that occurs."""
         transfers = []
-        for kind in KINDS:
+        for kind in MOVED_KINDS:
             if signals[kind]:
-                calls = self._functions.moves(way, signals[kind], arrays[kind])
+                calls = self._moved(way, signals[kind], arrays[kind])
                 data, places = arrays[kind].ctypes.data, self._places(signals[kind])
                 transfers.append(Moves(calls, kind[0], data, places))
         return transfers
+
+    def _moved(
+        self, way: Literal["Set", "Get"], signals: list[Signal], values: Array
+    ) -> list[Prepared]:
+        """Prepare the transfer of the values of one kind."""
+        if signals[0].kind == "String":
+            return [self._functions.texts(way, signals, values)]
+        return self._functions.moves(way, signals, values)
 
     def _places(self, signals: list[Signal]) -> Any:
         """Find the addresses of values in a native FMU of ours; None if unknown."""
@@ -311,7 +317,7 @@ class FmuInstance:
         self, way: Literal["Set", "Get"], signals: list[Signal], values: Array
     ) -> int:
         """Set or get variables of one kind once."""
-        calls = self._functions.moves(way, signals, values)
+        calls = self._moved(way, signals, values)
         return self._back(max(prepared.call() for prepared in calls))
 
     @property

@@ -46,7 +46,7 @@ from ..current_call import (
     VERBS,
 )
 from ..process_state import CAN_FORK, die_with, fork, keep_state
-from .base import DTYPE, Array, Clock, ComponentError, EndedError, warn_of
+from .base import DTYPE, Array, Clock, ComponentError, EndedError, blank, warn_of
 from .fmu import FmuInstance, failure
 
 CAN = CAN_FORK
@@ -67,7 +67,7 @@ class IsolatedInstance:
         ours, theirs = socket.socketpair()
         head = os.getpid()
         with kept_back():
-            self._shared = Shared(fmu.interface)
+            self._shared = Shared(component.interface)
             self._words, self._time = self._shared.words, self._shared.clock
             self._words[DOING] = INSTANTIATE
             self._process = fork()
@@ -100,6 +100,9 @@ class IsolatedInstance:
         clock: Clock,
     ) -> None:
         self.inputs, self._clock = self._shared.arrays(inputs, 0), clock
+        self._texts = into["String"] if outputs["String"] else None
+        if inputs["String"]:
+            self.inputs["String"] = blank("String", len(inputs["String"]))
         self._moves = [
             (into[k], values) for k, values in self._shared.arrays(outputs, 1).items()
         ]
@@ -112,6 +115,8 @@ class IsolatedInstance:
     def push(self) -> int:
         self._words[DUE] = 1
         self._read = False
+        if "String" in self.inputs:  # texts have no place in the shared memory
+            self._ask("take_texts", self.inputs["String"].tolist())
         return 0
 
     def step(self) -> int:
@@ -128,6 +133,8 @@ class IsolatedInstance:
         self._read = False
         for mine, theirs in self._moves:
             mine[:] = theirs
+        if self._texts is not None:
+            self._texts[:] = self._ask("give_texts")
         return self._words[READ]
 
     def _turn(self, command: bytes) -> None:
@@ -399,9 +406,19 @@ class _There:
         into = {k: np.zeros(0, DTYPE[k]) for k in KINDS} | self._shared.arrays(
             outputs, 1
         )
+        into["String"] = self._texts = blank("String", len(outputs["String"]))
         self._instance.wire(inputs, outputs, into, self._clock)
         theirs = self._shared.arrays(inputs, 0)
-        self._moves = [(mine, theirs[k]) for k, mine in self._instance.inputs.items()]
+        mine = self._instance.inputs
+        self._moves = [(mine[kind], values) for kind, values in theirs.items()]
+
+    def take_texts(self, texts: list[str]) -> None:
+        """Take the texts that are set with the other inputs."""
+        self._instance.inputs["String"][:] = texts
+
+    def give_texts(self) -> list[str]:
+        """Return the texts that were read with the other outputs."""
+        return list(self._texts)
 
     def turn(self, step: bool) -> None:
         """Set inputs that are due, make a step if `step`, and read the outputs."""
@@ -436,7 +453,7 @@ class _There:
 
     def call(self, name: str, *arguments: Any) -> Any:
         """Call any of the rarely used functions by name."""
-        if name in ("make", "wire"):
+        if name in ("make", "wire", "take_texts", "give_texts"):
             return getattr(self, name)(*arguments)
         if name == "messages":
             return self.messages

@@ -78,7 +78,7 @@ class Recorder:
         self._chunk = max(1, min(ROWS, fit, master.system.steps + 1))
         groups: dict[tuple[str, str], list[Slot]] = defaultdict(list)
         for slot in master.slots:
-            if selects(patterns, slot.component, slot.signal):
+            if slot.kind in KINDS and selects(patterns, slot.component, slot.signal):
                 groups[slot.component, slot.signal.series].append(slot)
         series = [
             _series(*name, slots)
@@ -163,7 +163,10 @@ class Recorder:
         """Plan a separate data set for a series."""
         columns = 0 if s.scalar else s.columns.stop - s.columns.start
         plan = self._plan(
-            f"/{s.component}/{s.variable}", columns, DTYPE[s.kind], s.attributes
+            f"/{s.component}/{shared_tables.link_of(s.variable)}",
+            columns,
+            DTYPE[s.kind],
+            s.attributes,
         )
         return plan, (s.kind, s.columns, s.interval)
 

@@ -219,7 +219,9 @@ class Results:
         if not self._names:
             components = [c for c in self._file if c != "time" and c[0] != "."]
             self._names = [
-                f"{c}.{v}" for c in components for v in sorted(self._file[c])
+                f"{c}.{shared_tables.variable_of(v)}"
+                for c in components
+                for v in sorted(self._file[c])
             ]
         return list(self._names)
 
@@ -236,8 +238,9 @@ class Results:
             return self._found[name]
         component, _, variable = name.partition(".")
         try:
-            if component in self._file and variable in self._file[component]:
-                found = self._found[name] = self._file[component][variable]
+            link = shared_tables.link_of(variable)
+            if component in self._file and link in self._file[component]:
+                found = self._found[name] = self._file[component][link]
                 return found
             known = self.names()
         except DAMAGED as error:

@@ -12,6 +12,7 @@ import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,6 +79,21 @@ def tables(
 def name_of(kind: Kind, interval: bool) -> str:
     """Return the name of the data set of a type and class."""
     return f".{'interval' if interval else 'state'}.{kind}"
+
+
+def link_of(variable: str) -> str:
+    """Return the name of the data set of a variable within its component's group.
+
+    HDF5 divides names at `/`, and `.` is the group itself; they are written as in an
+    address, `%2F` and `%2E`.
+    """
+    name = variable.replace("%", "%25").replace("/", "%2F")
+    return name if name.strip(".") else name.replace(".", "%2E")
+
+
+def variable_of(link: str) -> str:
+    """Return the variable whose data set has a name."""
+    return unquote(link)
 
 
 def chunk(rows: int, columns: int) -> tuple[int, int]:

@@ -1,0 +1,483 @@
+"""Files of other tools: what FMI and SSP allow is read, what they forbid and what is
+harmless is a warning, and what would be lost is refused."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import zipfile
+from collections.abc import Iterable
+from pathlib import Path
+
+import pytest
+from test_foreign_ssp import NAMESPACES, system, wire
+
+import desat
+from desat.runs.prepare import prepare
+from desat.system.errors import DesatError
+from desat.system.options import Options
+
+DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="typed" guid="{{g}}">
+<CoSimulation modelIdentifier="typed" canHandleVariableCommunicationStepSize="true"/>
+{types}<DefaultExperiment stopTime="2" stepSize="0.5"/>
+<ModelVariables>{variables}</ModelVariables>
+<ModelStructure><Outputs>{outputs}</Outputs>{unknowns}</ModelStructure>
+</fmiModelDescription>"""
+
+
+@pytest.fixture(scope="session")
+def typed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The library of typed.c."""
+    compiler = shutil.which("gcc") or shutil.which("cc")
+    if compiler is None or sys.platform != "linux":
+        pytest.skip("needs Linux and a C compiler")
+    library = tmp_path_factory.mktemp("typed") / "typed.so"
+    source = Path(__file__).with_suffix("").with_name("typed.c")
+    subprocess.run([compiler, "-shared", "-fPIC", "-o", library, source], check=True)
+    return library
+
+
+def variable(
+    name: str, reference: int, kind: str = "Real", causality: str = "input", **more: str
+) -> str:
+    """A variable of FMI 2.0; `start`, `unit` and the like belong to its type."""
+    of_type = {"start", "unit", "declaredType", "min", "max"}
+    usual = {"input": {"start": "0"}, "parameter": {"start": "0"}}.get(causality, {})
+    inner = usual | {k: v for k, v in more.items() if k in of_type}
+    outer = {k: v for k, v in more.items() if k not in of_type}
+    if causality == "parameter":
+        outer = {"variability": "fixed"} | outer
+    if kind != "Real" and causality in ("input", "output"):
+        outer = {"variability": "discrete"} | outer
+    attributes = "".join(f' {k}="{v}"' for k, v in outer.items())
+    values = "".join(f' {k}="{v}"' for k, v in inner.items() if v != "-")
+    return (
+        f'<ScalarVariable name="{name}" valueReference="{reference}" '
+        f'causality="{causality}"{attributes}><{kind}{values}/></ScalarVariable>\n'
+    )
+
+
+def fmu(
+    path: Path,
+    library: Path,
+    variables: Iterable[str],
+    types: str = "",
+    unknowns: str = "",
+    dependencies: str = ' dependencies=""',
+) -> Path:
+    """An FMU of typed.c with these variables."""
+    rows = list(variables)
+    outputs = "".join(
+        f'<Unknown index="{i}"{dependencies}/>'
+        for i, row in enumerate(rows, 1)
+        if 'causality="output"' in row
+    )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with zipfile.ZipFile(path, "w") as archive:
+        text = DESCRIPTION.format(
+            types=types, variables="".join(rows), outputs=outputs, unknowns=unknowns
+        )
+        archive.writestr("modelDescription.xml", text)
+        archive.write(library, "binaries/linux64/typed.so")
+    return path
+
+
+def component(name: str, ends: str = "", bindings: str = "", fmu: str = "") -> str:
+    """A component; ends are its listed connectors."""
+    listed = f"<ssd:Connectors>{ends}</ssd:Connectors>" if ends else ""
+    source = fmu or f"{name}.fmu"
+    return (
+        f'<ssd:Component name="{name}" source="resources/{source}">{listed}{bindings}'
+        "</ssd:Component>"
+    )
+
+
+def connector(name: str, kind: str, type: str = "Real", inner: str = "") -> str:
+    element = f"<ssc:{type}/>" if type else ""
+    return (
+        f'<ssd:Connector name="{name}" kind="{kind}">{element}{inner}</ssd:Connector>'
+    )
+
+
+def values(**given: str) -> str:
+    """A parameter set: the value of each name, as `Real 3`."""
+    rows = "".join(
+        '<ssv:Parameter name="{}"><ssv:{} value="{}"/></ssv:Parameter>'.format(
+            name, *text.split(" ", 1)
+        )
+        for name, text in given.items()
+    )
+    return (
+        "<ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues>"
+        '<ssv:ParameterSet version="1.0" name="p"><ssv:Parameters>'
+        f"{rows}</ssv:Parameters></ssv:ParameterSet></ssd:ParameterValues>"
+        "</ssd:ParameterBinding></ssd:ParameterBindings>"
+    )
+
+
+def write(folder: Path, elements: str, wires: str = "", version: str = "1.0") -> Path:
+    file = folder / "SystemStructure.ssd"
+    file.write_text(
+        f'<ssd:SystemStructureDescription version="{version}" name="x" {NAMESPACES}>\n'
+        f"{system('s', elements, wires)}\n</ssd:SystemStructureDescription>",
+        encoding="utf-8",
+    )
+    return file
+
+
+def run(file: Path, **options: object) -> desat.Run:
+    done = desat.run(str(file), stop=2.0, step=0.5, substeps=1, **options)
+    assert done.manifest.status == "completed", done.manifest.message
+    return done
+
+
+def checked(file: Path, **options: object):
+    return prepare(str(file), Options(stop=2.0, step=0.5, **options)).checked
+
+
+# --- names ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["a[1].b", "y/z", "a[1].b[2].c", ".", "..", "100%", "y%2Fz", "der(y)", "'y z'"],
+)
+@pytest.mark.parametrize("in_folder", [True, False])
+def test_a_series_has_the_name_of_its_variable(typed, tmp_path, name, in_folder):
+    fmu(
+        tmp_path / "resources/a.fmu",
+        typed,
+        [variable("u", 1, start="10"), variable(name, 17, causality="output")],
+    )
+    file = write(tmp_path, component("a"))
+    folder = {"folder": tmp_path / "out"} if in_folder else {}
+    results = run(file, **folder).results
+    assert results.names() == [f"a.{name}"]
+    assert results.values(f"a.{name}").tolist() == [10.0] * 5
+
+
+def test_elements_of_an_array_in_an_array_are_series(typed, tmp_path):
+    outputs = [variable(f"a[1].b[{i}]", 16 + i, causality="output") for i in (1, 2)]
+    others = [variable("a[1].c", 19, causality="output")]
+    fmu(tmp_path / "resources/a.fmu", typed, [*outputs, *others])
+    results = run(write(tmp_path, component("a"))).results
+    assert results.names() == ["a.a[1].b", "a.a[1].c"]
+    assert results.values("a.a[1].b")[-1].tolist() == [10.0, 20.0]
+    assert results.values("a.a[1].c")[-1] == 30.0
+
+
+# --- connectors -----------------------------------------------------------------------
+
+
+def test_a_listed_connector_that_nobody_uses_is_a_warning(typed, tmp_path):
+    """Such as a tool's own settings, and one of another type; all in one line."""
+    fmu(
+        tmp_path / "resources/a.fmu",
+        typed,
+        [variable("u", 0), variable("y", 16, causality="output")],
+    )
+    ends = (
+        connector("fmi_rTol", "parameter")
+        + connector("u", "input", "", '<ssc:Binary mime-type="application/x"/>')
+        + connector("y", "output")
+    )
+    file = write(tmp_path, component("a", ends))
+    found = checked(file)
+    assert found.problems == []
+    [line] = [w for w in found.warnings if "fmi_rTol" in w]
+    assert "a.fmi_rTol: the FMU has no such variable" in line
+    assert line.endswith("u: listed as Binary, but it is Real; they are not used")
+    run(file)
+    for use in (values(fmi_rTol="Real 1e-3"), values(u="Real 1")):
+        [line] = checked(write(tmp_path, component("a", ends, use))).problems
+        assert "SystemStructure.ssd:2: a." in line
+
+
+def test_wired_connectors_that_do_not_fit_are_refused_in_one_line(typed, tmp_path):
+    fmu(tmp_path / "resources/a.fmu", typed, [variable("y", 16, causality="output")])
+    fmu(tmp_path / "resources/b.fmu", typed, [variable("u", 0)])
+    ends = connector("u", "input", "Boolean") + connector("v", "input")
+    file = write(
+        tmp_path,
+        component("a", connector("y", "output")) + component("b", ends),
+        wire("a.y", "b.u") + wire("a.y", "b.v"),
+    )
+    lines = [p for p in checked(file).problems if "listed" in p]
+    assert len(lines) == 1
+    assert "b.u: listed as Boolean, but it is Real; v: the FMU has no such" in lines[0]
+
+
+# --- types ----------------------------------------------------------------------------
+
+TYPES = (
+    '<TypeDefinitions><SimpleType name="law"><Enumeration><Item name="off" value="0"/>'
+    '<Item name="on" value="1"/></Enumeration></SimpleType></TypeDefinitions>'
+)
+
+
+@pytest.mark.parametrize("loop", ["compiled", "python"])
+@pytest.mark.parametrize("listed", ["Integer", "Real"])
+def test_an_integer_feeds_a_real_and_an_enumeration_an_integer(
+    typed, tmp_path, loop, listed
+):
+    """Also where a connector says Real and the variable is an Integer; factor and
+    offset are those of the connection."""
+    fmu(
+        tmp_path / "resources/a.fmu",
+        typed,
+        [
+            variable("i", 0, "Integer", start="0"),
+            variable("law", 1, "Enumeration", declaredType="law", start="0"),
+            variable("y", 16, "Integer", "output"),
+            variable("z", 17, "Enumeration", "output", declaredType="law"),
+            variable("x", 16, causality="output"),
+        ],
+        TYPES,
+    )
+    fmu(
+        tmp_path / "resources/b.fmu",
+        typed,
+        [
+            variable("u", 0),
+            variable("v", 1),
+            variable("n", 0, "Integer"),
+            variable("x", 2),
+            variable("copy_u", 16, causality="output"),
+            variable("copy_v", 17, causality="output"),
+            variable("copy_n", 16, "Integer", "output"),
+            variable("copy_x", 18, causality="output"),
+        ],
+    )
+    ends = connector("y", "output", listed)
+    ends += "".join(connector(n, "output", "") for n in "zx")
+    twice = '<ssc:LinearTransformation factor="2" offset="0.5"/>'
+    wires = wire("a.y", "b.u") + wire("a.y", "b.v", twice) + wire("a.z", "b.n")
+    file = write(
+        tmp_path,
+        component("a", ends, values(i="Integer 7", law="Enumeration on"))
+        + component("b"),
+        wires + wire("a.x", "b.x"),
+    )
+    results = run(file, loop=loop).results
+    last = {n: results.values(f"b.{n}")[-1] for n in ("copy_u", "copy_v", "copy_n")}
+    assert last == {"copy_u": 7.0, "copy_v": 14.5, "copy_n": 1}
+
+
+@pytest.mark.parametrize(
+    ("source", "target"),
+    [
+        ("Real", "Integer"),
+        ("Real", "Boolean"),
+        ("Boolean", "Integer"),
+        ("String", "Real"),
+        ("Real", "String"),
+        ("Integer", "Boolean"),
+    ],
+)
+def test_what_would_lose_something_is_refused_by_check(typed, tmp_path, source, target):
+    fmu(tmp_path / "resources/a.fmu", typed, [variable("y", 16, source, "output")])
+    more = {"start": "text"} if target == "String" else {}
+    fmu(tmp_path / "resources/b.fmu", typed, [variable("u", 0, target, **more)])
+    file = write(tmp_path, component("a") + component("b"), wire("a.y", "b.u"))
+    [line] = checked(file).problems
+    assert line.endswith(f"a.y -> b.u: type {source} does not fit {target}")
+
+
+def test_a_text_is_passed_on(typed, tmp_path):
+    """From a to b, which counts its letters in a step, to c."""
+    text = [
+        variable("s", 0, "String", start="-"),
+        variable("t", 16, "String", "output"),
+    ]
+    letters = variable("n", 15, "Integer", "output")
+    for name in "abc":
+        fmu(tmp_path / f"resources/{name}.fmu", typed, [*text, letters])
+    file = write(
+        tmp_path,
+        component("a", "", values(s="String a text")) + component("b") + component("c"),
+        wire("a.t", "b.s") + wire("b.t", "c.s"),
+    )
+    results = run(file).results
+    assert results.names() == ["a.n", "b.n", "c.n"]
+    assert [int(results.values(f"{n}.n")[-1]) for n in "abc"] == [6, 6, 6]
+    again = run(file, isolate="none").results
+    assert [int(again.values(f"{n}.n")[-1]) for n in "abc"] == [6, 6, 6]
+
+
+# --- what may be set before initialisation --------------------------------------------
+
+
+def test_outputs_and_locals_may_be_set_where_initial_says_so(typed, tmp_path):
+    """By a parameter set and by --set; the FMU shows them at the start."""
+    fmu(
+        tmp_path / "resources/a.fmu",
+        typed,
+        [
+            variable("x", 1, causality="output", initial="approx", start="1"),
+            variable("hidden", 2, causality="local", initial="exact", start="1"),
+            variable("computed", 3, causality="local"),
+            variable("fixed", 4, causality="local", variability="constant", start="3"),
+            variable("text", 0, "String", "parameter", start="-"),
+            variable("show", 18, causality="output"),
+            variable("n", 15, "Integer", "output"),
+        ],
+    )
+    bound = values(x="Real 4", hidden="Real 5", text="String seven 7")
+    file = write(tmp_path, component("a", "", bound))
+    results = run(file).results
+    assert results.values("a.x")[0] == 4.0
+    assert results.values("a.show")[0] == 5.0
+    assert results.values("a.n")[-1] == len("seven 7")
+    sets = {"a.x": 6.0, "a.hidden": 7.0, "a.text": "four"}
+    results = run(file, sets=sets).results
+    assert results.values("a.x")[0] == 6.0
+    assert results.values("a.show")[0] == 7.0
+    assert results.values("a.n")[-1] == 4
+    for name in ("computed", "fixed"):
+        with pytest.raises(
+            DesatError, match=rf"a\.{name} is a local, whose start value"
+        ):
+            run(file, sets={f"a.{name}": 1.0})
+    with pytest.raises(DesatError, match=r"a\.text = 3: a String is needed"):
+        run(file, sets={"a.text": 3})
+
+
+# --- faults of a description ----------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("rows", "more", "message"),
+    [
+        (
+            [variable("p", 0, causality="parameter", variability="continuous")],
+            {},
+            "p: causality parameter with variability continuous: fixed or tunable is "
+            "allowed: taken for tunable",
+        ),
+        (
+            [variable("p", 0, variability="fixed")],
+            {},
+            "causality input with variability fixed: discrete or continuous is allowed: "
+            "taken for continuous",
+        ),
+        (
+            [variable("p", 0)],
+            {"dependencies": ' dependencies="1 99"'},
+            "dependencies '99' is no variable; 1 to 2 are allowed: it is taken to depend "
+            "on everything",
+        ),
+        (
+            [variable("p", 0)],
+            {"unknowns": '<InitialUnknowns><Unknown index="7"/></InitialUnknowns>'},
+            "index '7' is no variable; 1 to 2 are allowed: it is left out",
+        ),
+        (
+            [variable("p", 0).replace("<Real ", '<Real derivative="9" ')],
+            {},
+            "derivative '9' is no variable; 1 to 2 are allowed: it is left out",
+        ),
+    ],
+)
+def test_a_fault_that_other_tools_tolerate_is_a_warning(
+    typed, tmp_path, rows, more, message
+):
+    """--strict refuses it."""
+    outputs = [variable("y", 16, causality="output")]
+    fmu(tmp_path / "resources/a.fmu", typed, [*rows, *outputs], **more)
+    file = write(tmp_path, component("a", "", values(p="Real 3")))
+    found = checked(file)
+    assert found.problems == []
+    [line] = [w for w in found.warnings if "not as FMI wants it" in w]
+    assert message in line
+    assert run(file).results.values("a.y")[-1] == 3.0
+    assert any(message in p for p in checked(file, strict=True).problems)
+
+
+# --- arrays in part -------------------------------------------------------------------
+
+
+def test_an_array_of_a_foreign_fmu_may_be_given_in_part(typed, tmp_path):
+    """Wired, in a parameter set, by --set: the rest keeps its start values."""
+    rows = [variable(f"u[{i}]", i, start=f"{10 * i}") for i in (1, 2, 3)]
+    rows += [variable(f"y[{i}]", 16 + i, causality="output") for i in (1, 2, 3)]
+    for name in "ab":
+        fmu(tmp_path / f"resources/{name}.fmu", typed, rows)
+    wires = wire("a.y[1]", "b.u[2]")
+    file = write(tmp_path, component("a") + component("b"), wires)
+    [line] = [w for w in checked(file).warnings if "in part" in w]
+    assert "b.u is wired or given in part: u[1], u[3] of 3 keep" in line
+    assert run(file).results.values("b.y")[-1].tolist() == [10.0, 10.0, 30.0]
+    results = run(file, sets={"a.u[1]": 5.0, "b.u[3]": 7.0}).results
+    assert results.values("b.y")[-1].tolist() == [10.0, 5.0, 7.0]
+    bound = values(**{"u[2]": "Real 4"})
+    file = write(tmp_path, component("a", "", bound))
+    assert run(file).results.values("a.y")[-1].tolist() == [10.0, 4.0, 30.0]
+    with pytest.raises(DesatError, match=r"no variable u\[4\]"):
+        run(file, sets={"a.u[4]": 1.0})
+
+
+# --- units ----------------------------------------------------------------------------
+
+
+def test_units_of_one_name_and_two_definitions_are_a_warning(typed, tmp_path):
+    units = (
+        '<UnitDefinitions><Unit name="x"><BaseUnit m="1" factor="{}"/></Unit>'
+        "</UnitDefinitions>"
+    )
+    outputs = [variable("y", 16, causality="output", unit="x")]
+    rows = [variable("u", 0, unit="x", start="3"), *outputs]
+    fmu(tmp_path / "resources/a.fmu", typed, rows, units.format(1))
+    fmu(tmp_path / "resources/b.fmu", typed, rows, units.format(1000))
+    given = values(u="Real 3").replace('value="3"', 'value="3" unit="x"')
+    own = (
+        '</ssv:Parameters><ssv:Units><ssc:Unit name="x"><ssc:BaseUnit m="1" '
+        'factor="7"/></ssc:Unit></ssv:Units>'
+    )
+    elements = component("a", "", given.replace("</ssv:Parameters>", own))
+    file = write(tmp_path, elements + component("b"), wire("a.y", "b.u"))
+    assert run(file).results.values("b.y")[-1] == 3.0
+    lines = [w for w in checked(file).warnings if "is defined in two ways" in w]
+    assert len(lines) == 2
+    assert (
+        "a.y -> b.u: u: the unit x is defined in two ways: the value is taken"
+        in lines[1]
+    )
+
+
+# --- archives -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("form", ["./{}", "{}", ".\\{}"])
+def test_archives_with_dots_and_backslashes_are_read(typed, tmp_path, form):
+    def written(name: str) -> str:
+        return form.format(name.replace("/", "\\") if "\\" in form else name)
+
+    rows = [variable("u", 1), variable("y", 17, causality="output")]
+    plain = fmu(tmp_path / "resources/a.fmu", typed, rows)
+    odd = tmp_path / "odd.fmu"
+    with zipfile.ZipFile(plain) as old, zipfile.ZipFile(odd, "w") as new:
+        new.writestr(zipfile.ZipInfo("./"), "")
+        for entry in old.infolist():
+            new.writestr(zipfile.ZipInfo(written(entry.filename)), old.read(entry))
+    file = write(tmp_path, component("a"))
+    packed = tmp_path / "their.ssp"
+    with zipfile.ZipFile(packed, "w") as archive:
+        archive.writestr(zipfile.ZipInfo("./"), "")
+        archive.writestr(zipfile.ZipInfo(written("resources/")), "")
+        archive.writestr(zipfile.ZipInfo(written("resources/a.fmu")), odd.read_bytes())
+        archive.writestr(zipfile.ZipInfo(written(file.name)), file.read_bytes())
+    assert run(packed).results.values("a.y")[-1] == 10.0
+
+
+@pytest.mark.parametrize("name", ["../x", "..\\x", "/x", "\\x", "C:\\x", "a/../../x"])
+def test_what_leaves_the_folder_of_an_archive_is_refused(tmp_path, name):
+    packed = tmp_path / "their.ssp"
+    with zipfile.ZipFile(packed, "w") as archive:
+        archive.writestr(zipfile.ZipInfo(name), "")
+    with pytest.raises(DesatError) as caught:
+        desat.run(str(packed))
+    [line] = str(caught.value).splitlines()
+    assert line.startswith("their.ssp: entry ")
+    assert line.endswith(" would leave the folder")
