@@ -271,38 +271,30 @@ def _samples(
     gyro, attitude, controller, manager = due
     total = np.eye(size)
 
-    def assign(target: slice, row: Array) -> None:
-        step = np.eye(size)
-        step[target] = row
-        np.matmul(step, total.copy(), out=total)
-
-    def copy_of(source: slice) -> Array:
+    def pick(source: slice) -> Array:
         row = np.zeros((3, size))
         row[:, source] = np.eye(3)
         return row
 
     if gyro:
-        assign(SEEN_RATE, copy_of(RATE))
+        total[SEEN_RATE] = total[RATE]
     if attitude:
-        assign(SEEN_ANGLE, copy_of(ANGLE))
+        total[SEEN_ANGLE] = total[ANGLE]
     if controller:
-        assign(
-            INTEGRAL,
-            copy_of(INTEGRAL) + 0.5 * loop.controller_sample * copy_of(SEEN_ANGLE),
-        )
-        gains = loop.kp * 0.5 * copy_of(SEEN_ANGLE)
-        gains += loop.kd * copy_of(SEEN_RATE) + loop.ki * copy_of(INTEGRAL)
-        assign(CONTROL, -loop.gain_matrix @ gains)
+        total[INTEGRAL] += 0.5 * loop.controller_sample * total[SEEN_ANGLE]
+        gains = loop.kp * 0.5 * pick(SEEN_ANGLE)
+        gains += loop.kd * pick(SEEN_RATE) + loop.ki * pick(INTEGRAL)
+        total[CONTROL] = -loop.gain_matrix @ gains @ total
     queues = _queues(waits)
     if manager:
-        row = copy_of(queues[0][-1])
+        row = pick(queues[0][-1])
         if loop.gyroscopic:
             row[:, SEEN_RATE] -= cross  # omega x H = -H x omega
-        assign(DECIDED, row)
-    assign(COMMAND, copy_of(queues[1][-1]))
+        total[DECIDED] = row @ total
+    total[COMMAND] = total[queues[1][-1]]
     for queue in queues:
         for older, newer in zip(queue[:0:-1], queue[-2::-1], strict=True):
-            assign(older, copy_of(newer))
+            total[older] = total[newer]
     return total
 
 
