@@ -30,7 +30,7 @@ def create() -> Any:
     """A simulation, its recorders named for the retention policy."""
     sim, logs, _ = basilisk_day.built("dipole")
     sim.msgRecList = logs
-    sim.craft = sim.kept[0]
+    sim.craft = sim.references[0]
     return sim
 
 

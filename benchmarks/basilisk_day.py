@@ -239,7 +239,7 @@ def built(environment: str) -> tuple[Any, dict[str, Any], int]:
     logs = {name: message.recorder(second) for name, message in recorded.items()}
     for log in logs.values():
         sim.AddModelToTask("task", log)
-    sim.kept = [
+    sim.references = [
         craft,
         earth,
         gradient,
@@ -288,12 +288,12 @@ def main() -> None:
             "torques": ("motorTorque",),
             "dipole": ("mtbDipoleCmds",),
         }
-        kept: dict[str, Any] = {
+        saved: dict[str, Any] = {
             f"{n}.{f}": np.asarray(getattr(logs[n], f))
             for n, names in fields.items()
             for f in names
         }
-        np.savez(sys.argv[3], **kept)
+        np.savez(sys.argv[3], **saved)
     sigma = float(np.linalg.norm(logs["error"].sigma_BR[-1]))
     momentum = SPIN * np.asarray(logs["speeds"].wheelSpeeds[-1])[:4]
     result = {

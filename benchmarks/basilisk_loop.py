@@ -120,8 +120,8 @@ class Flight(sysModel.SysModel):  # type: ignore[misc]
         body = RigidBodyKinematics.MRP2C(sigma)
         r, v = np.array(state.r_BN_N), np.array(state.v_BN_N)
         z, y = -r / np.linalg.norm(r), -np.cross(r, v) / np.linalg.norm(np.cross(r, v))
-        wanted = np.array([np.cross(y, z), y, z])
-        error = body @ wanted.T
+        expected = np.array([np.cross(y, z), y, z])
+        error = body @ expected.T
         beta = RigidBodyKinematics.C2EP(error)  # scalar first, not negative
         e = np.array(beta[1:]) * math.copysign(1.0, beta[0])
         omega_r = error @ np.array(
@@ -143,8 +143,8 @@ class Flight(sysModel.SysModel):  # type: ignore[misc]
         dipole = np.clip(dipole, -case["m_limit"], case["m_limit"])
         gyroscopic = np.cross(omega, stored)
         if "gyroscopic" in terms:
-            whole = self.inertia @ omega + stored
-            gyroscopic = np.cross(omega_r, whole) - self.inertia @ np.cross(
+            full = self.inertia @ omega + stored
+            gyroscopic = np.cross(omega_r, full) - self.inertia @ np.cross(
                 omega, omega_r
             )
         torque = self.to_wheels @ (np.cross(dipole, b) - control - gyroscopic)

@@ -31,7 +31,7 @@ from Basilisk.utilities import (
 
 
 def main() -> None:
-    given = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
+    arguments = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
     step, integrator = float(sys.argv[2]), sys.argv[3]
     sim = SimulationBaseClass.SimBaseClass()
     process = sim.CreateNewProcess("process")
@@ -39,23 +39,23 @@ def main() -> None:
 
     craft = spacecraft.Spacecraft()
     if integrator == "rkf78":
-        own = svIntegrators.svIntegratorRKF78(craft)
-        craft.setIntegrator(own)
+        own_value = svIntegrators.svIntegratorRKF78(craft)
+        craft.setIntegrator(own_value)
     craft.hub.mHub = 100.0
     craft.hub.r_BcB_B = [[0.0], [0.0], [0.0]]
-    axes, spin = np.array(given["axes"]), given["inertia_wheel"]
-    craft.hub.IHubPntBc_B = given[
+    axes, spin = np.array(arguments["axes"]), arguments["inertia_wheel"]
+    craft.hub.IHubPntBc_B = arguments[
         "inertia"
     ]  # balanced wheels: the hub has them, locked
-    craft.hub.r_CN_NInit = [[x] for x in given["r0"]]
-    craft.hub.v_CN_NInit = [[x] for x in given["v0"]]
-    q = np.array(given["q0"]) / np.linalg.norm(given["q0"])
+    craft.hub.r_CN_NInit = [[x] for x in arguments["r0"]]
+    craft.hub.v_CN_NInit = [[x] for x in arguments["v0"]]
+    q = np.array(arguments["q0"]) / np.linalg.norm(arguments["q0"])
     craft.hub.sigma_BNInit = [[x] for x in q[:3] / (1.0 + q[3])]
-    craft.hub.omega_BN_BInit = [[x] for x in given["omega0"]]
+    craft.hub.omega_BN_BInit = [[x] for x in arguments["omega0"]]
 
     earth = gravityEffector.GravBodyData()
     earth.planetName = "earth_planet_data"
-    earth.mu = given["mu"]
+    earth.mu = arguments["mu"]
     earth.isCentralBody = True
     craft.gravField.gravBodies = spacecraft.GravBodyVector([earth])
 
@@ -65,7 +65,7 @@ def main() -> None:
         factory.create(
             "custom",
             axes[:, i].tolist(),
-            Omega=given["speeds"][i] * 30 / math.pi,
+            Omega=arguments["speeds"][i] * 30 / math.pi,
             Js=spin[i],
             Omega_max=1e6,
             u_max=1.0,
@@ -88,13 +88,13 @@ def main() -> None:
     sim.AddModelToTask("task", craft, 10)
     sim.AddModelToTask("task", gradient, 9)
     sim.AddModelToTask("task", wheels, 11)
-    log = craft.scStateOutMsg.recorder(macros.sec2nano(given["every"]))
+    log = craft.scStateOutMsg.recorder(macros.sec2nano(arguments["every"]))
     sim.AddModelToTask("task", log)
     sim.InitializeSimulation()
 
-    law, hold = given["torque"], given["hold"]
+    law, hold = arguments["torque"], arguments["hold"]
     seconds = 0.0
-    for k in range(round(given["seconds"] / hold)):
+    for k in range(round(arguments["seconds"] / hold)):
         payload.motorTorque = [
             law["bias"][i]
             + law["amplitude"][i]

@@ -64,10 +64,10 @@ ASIDE = (
 
 def checked(target: str) -> tuple[str, Any]:
     """What is said of a target before it runs."""
-    return target, _said(target)
+    return target, _problems_of(target)
 
 
-def _said(target: str) -> Any:
+def _problems_of(target: str) -> Any:
     try:
         found = prepare(target, Options()).checked
     except DesatError as error:
@@ -81,7 +81,7 @@ def _said(target: str) -> Any:
     }
 
 
-def flown(target: str) -> tuple[str, Any]:
+def series_of(target: str) -> tuple[str, Any]:
     """What a short run of a target gives."""
     try:
         case = prepare(target, Options())
@@ -127,14 +127,14 @@ def _mutated(data: dict[str, Any], rng: random.Random) -> dict[str, Any]:
     for key in path[:-1]:
         place = place[key]
     key, value = path[-1], place[path[-1]]
-    what = rng.choice(
+    subject = rng.choice(
         ("drop", "misspell", "text", "number", "large", "list", "table", "negative")
     )
-    if what == "drop":
+    if subject == "drop":
         place.pop(key)
-    elif what == "misspell" and isinstance(key, str):
+    elif subject == "misspell" and isinstance(key, str):
         place[key[:-1] + "q"] = place.pop(key)
-    elif what == "misspell" or what == "text":
+    elif subject == "misspell" or subject == "text":
         place[key] = (
             f"{value[:-1]}q" if isinstance(value, str) and value else "no.such_thing"
         )
@@ -145,7 +145,7 @@ def _mutated(data: dict[str, Any], rng: random.Random) -> dict[str, Any]:
             "list": [1.0, 2.0],
             "table": {"a": 1},
             "negative": -1,
-        }[what]
+        }[subject]
     return data
 
 
@@ -171,7 +171,7 @@ def _toml(data: dict[str, Any]) -> str:
 def wrong(folder: Path) -> list[str]:
     """Files with a mistake each."""
     rng, files = random.Random(1), sorted(scenario.ROOT.glob("*/scenarios/*.toml"))
-    made = []
+    results = []
     for k in range(WRONG):
         file = rng.choice(files)
         family = file.parent.parent.name
@@ -202,8 +202,8 @@ def wrong(folder: Path) -> list[str]:
             )
         path = folder / f"{k:04d}-{family}-{file.stem}.toml"
         path.write_text(_toml(data), encoding="utf-8")
-        made.append(str(path))
-    return made
+        results.append(str(path))
+    return results
 
 
 def answers() -> dict[str, Any]:
@@ -212,14 +212,14 @@ def answers() -> dict[str, Any]:
     found: dict[str, Any] = {}
     with Pool(2) as pool:
         found.update(pool.imap_unordered(checked, targets, 8))
-        found.update(pool.imap_unordered(flown, targets[::EVERY]))
+        found.update(pool.imap_unordered(series_of, targets[::EVERY]))
         with tempfile.TemporaryDirectory() as folder:
-            for path, said in pool.imap_unordered(checked, wrong(Path(folder)), 8):
-                told = json.dumps(said, ensure_ascii=False)
-                told = told.replace(f"{folder}/", "").replace(
+            for path, message in pool.imap_unordered(checked, wrong(Path(folder)), 8):
+                answer = json.dumps(message, ensure_ascii=False)
+                answer = answer.replace(f"{folder}/", "").replace(
                     Path(path).parent.name, "FOLDER"
                 )
-                found[f"wrong {Path(path).name}"] = json.loads(told)
+                found[f"wrong {Path(path).name}"] = json.loads(answer)
     return dict(sorted(found.items()))
 
 
@@ -270,18 +270,18 @@ def without_texts(answer: Any) -> Any:
     return answer
 
 
-def _differences(a: Any, b: Any, where: str = "") -> Iterator[str]:
+def _differences(a: Any, b: Any, place: str = "") -> Iterator[str]:
     if isinstance(a, dict) and isinstance(b, dict):
         for key in sorted({*a, *b}):
             if a.get(key) != b.get(key):
-                yield from _differences(a.get(key), b.get(key), f"{where}/{key}")
+                yield from _differences(a.get(key), b.get(key), f"{place}/{key}")
     elif isinstance(a, list) and isinstance(b, list):
-        yield from (f"{where} - {x}" for x in a if x not in b)
-        yield from (f"{where} + {x}" for x in b if x not in a)
+        yield from (f"{place} - {x}" for x in a if x not in b)
+        yield from (f"{place} + {x}" for x in b if x not in a)
         if sorted(map(str, a)) == sorted(map(str, b)):
-            yield f"{where}: another order"
+            yield f"{place}: another order"
     else:
-        yield f"{where}: {a} -> {b}"
+        yield f"{place}: {a} -> {b}"
 
 
 if __name__ == "__main__":

@@ -41,58 +41,59 @@ BASILISK = Path(__file__).parent.parent / ".venv-basilisk" / "bin" / "python"
 
 
 def one(
-    folder: str, cases: str, how: str, stop: str, name: str = NAME
+    folder: str, cases: str, way: str, stop: str, name: str = NAME
 ) -> dict[str, Any]:
     """A campaign of cases until `stop` (s): wall seconds, those within cases, the
     head's own CPU and that of all, and peaks of memory (MB)."""
     from desat.campaign import coordinator, store
     from desat.system.options import Options
 
-    where, kind, size = Path(folder), *how.split(":")
+    place, kind, size = Path(folder), *way.split(":")
     plan, _ = coordinator.planned(
         name, int(cases), options=Options(stop=float(stop)), curves=()
     )
     began, cpu = time.perf_counter(), time.process_time()
-    cluster = how if kind == "local" else None
-    coordinator.run(plan, where, int(size), cluster, progress=False)
+    cluster = way if kind == "local" else None
+    coordinator.run(plan, place, int(size), cluster, progress=False)
     seconds, cpu = time.perf_counter() - began, time.process_time() - cpu
-    rows = store.read(where)
-    own = [s for s in rows["seconds"].to_pylist() if s is not None]
-    files = [p for p in where.rglob("*") if p.is_file()]
-    who = {"head": resource.RUSAGE_SELF, "worker": resource.RUSAGE_CHILDREN}
+    rows = store.read(place)
+    own_value = [s for s in rows["seconds"].to_pylist() if s is not None]
+    files = [p for p in place.rglob("*") if p.is_file()]
+    scopes = {"head": resource.RUSAGE_SELF, "worker": resource.RUSAGE_CHILDREN}
     peak = {
-        name: resource.getrusage(what).ru_maxrss / 1024.0 for name, what in who.items()
+        name: resource.getrusage(subject).ru_maxrss / 1024.0
+        for name, subject in scopes.items()
     }
-    used = [resource.getrusage(what) for what in who.values()]
+    used = [resource.getrusage(subject) for subject in scopes.values()]
     return {
         "cases": int(cases),
-        "completed": len(own),
+        "completed": len(own_value),
         "cpu_seconds": sum(x.ru_utime + x.ru_stime for x in used),
         "seconds": seconds,
-        "in_cases": sum(own),
-        "least": min(own),
+        "in_cases": sum(own_value),
+        "least": min(own_value),
         "head_ms_per_case": 1e3 * cpu / int(cases),
         "head_mb": peak["head"],
         "worker_mb": peak["worker"],
         "bytes_per_case": sum(p.stat().st_size for p in files) / int(cases),
-        "digest": store.digest(where),
+        "digest": store.digest(place),
     }
 
 
 def measure() -> dict[str, Any]:
     """In turn, medians over ROUNDS; start-up is in all of them."""
     hows = ["pool:1", "pool:2", "local:1", "local:2"]
-    found: dict[str, list[dict[str, Any]]] = {how: [] for how in hows}
+    found: dict[str, list[dict[str, Any]]] = {way: [] for way in hows}
     basilisk: dict[int, list[float]] = {1: [], 2: []}
     with TemporaryDirectory() as folder:
         for i in range(ROUNDS):
-            for how in hows:
-                found[how].append(_run(folder, f"{i}-{how}", CASES, how))
+            for way in hows:
+                found[way].append(_run(folder, f"{i}-{way}", CASES, way))
             for processes in basilisk if BASILISK.exists() else ():
                 basilisk[processes].append(_basilisk(CASES, processes))
         many = {
-            name: _run(folder, name, MANY, how)
-            for name, how in {"many": "pool:2", "many_dask": "local:2"}.items()
+            name: _run(folder, name, MANY, way)
+            for name, way in {"many": "pool:2", "many_dask": "local:2"}.items()
         }
         day = _run(folder, "day", DAYS, "pool:1", DAY)
         marginal = {kind: _marginal(folder, kind) for kind in KINDS}
@@ -100,9 +101,9 @@ def measure() -> dict[str, Any]:
         dask = _marginal(folder, "613 steps", "local:2", EMPTY)
         many_basilisk = _basilisk(MANY, 2) if BASILISK.exists() else None
     digests = {r["digest"] for rows in found.values() for r in rows}
-    few = {how: _median(rows) for how, rows in found.items()}
-    for how, entry in few.items():
-        size = int(how.partition(":")[2])
+    few = {way: _median(rows) for way, rows in found.items()}
+    for way, entry in few.items():
+        size = int(way.partition(":")[2])
         entry["cases_per_second"] = CASES / entry["seconds"]
         entry["ms_per_case_beside_it"] = (
             1e3 * (size * entry["seconds"] - entry["in_cases"]) / CASES
@@ -165,13 +166,13 @@ def split(cases: str, stop: str, name: str) -> dict[str, float]:
 
     spent = {"steps": 0.0, "numbers": 0.0}
 
-    def clocked(what: str, call: Callable[..., Any]) -> Callable[..., Any]:
-        def timed(*given: Any) -> Any:
+    def clocked(fault: str, call: Callable[..., Any]) -> Callable[..., Any]:
+        def timed(*inputs: Any) -> Any:
             began = time.process_time()
             try:
-                return call(*given)
+                return call(*inputs)
             finally:
-                spent[what] += time.process_time() - began
+                spent[fault] += time.process_time() - began
 
         return timed
 
@@ -185,20 +186,20 @@ def split(cases: str, stop: str, name: str) -> dict[str, float]:
     began = time.process_time()
     for i in range(3, 3 + int(cases)):
         case.row(plan, i)
-    whole = time.process_time() - began
-    ms = {what: 1e3 * seconds / int(cases) for what, seconds in spent.items()}
-    return {**ms, "rest": 1e3 * whole / int(cases) - sum(ms.values())}
+    full = time.process_time() - began
+    ms = {fault: 1e3 * seconds / int(cases) for fault, seconds in spent.items()}
+    return {**ms, "rest": 1e3 * full / int(cases) - sum(ms.values())}
 
 
 def _marginal(
-    folder: str, kind: str, how: str = "pool:1", most: int = MORE
+    folder: str, kind: str, way: str = "pool:1", most: int = MORE
 ) -> dict[str, float]:
     """CPU of a case (ms), start-up left out: of all, and of the head. Least of ROUNDS."""
     name, stop = KINDS[kind]
     rounds = []
     for i in range(ROUNDS):
         fewer, more = (
-            _run(folder, f"{kind}-{how}-{i}-{n}".replace(" ", "-"), n, how, stop, name)
+            _run(folder, f"{kind}-{way}-{i}-{n}".replace(" ", "-"), n, way, stop, name)
             for n in (FEWER, most)
         )
         head = [x["head_ms_per_case"] * x["cases"] for x in (fewer, more)]
@@ -218,12 +219,12 @@ def _run(
     folder: str,
     name: str,
     cases: int,
-    how: str,
+    way: str,
     stop: float = ORBIT,
     system: str = NAME,
 ) -> dict[str, Any]:
-    where = str(Path(folder) / name.replace(":", "-"))
-    arguments = where, str(cases), how, str(stop), system
+    place = str(Path(folder) / name.replace(":", "-"))
+    arguments = place, str(cases), way, str(stop), system
     return _result([sys.executable, "-m", "benchmarks.campaign", *arguments])
 
 
@@ -234,10 +235,10 @@ def _result(command: list[str]) -> dict[str, Any]:
     return result
 
 
-def main(given: list[str]) -> None:
+def main(values: list[str]) -> None:
     """A campaign, or where its time goes."""
-    made = split(*given[1:]) if given[0] == "split" else one(*given)
-    print("RESULT " + json.dumps(made), flush=True)
+    result = split(*values[1:]) if values[0] == "split" else one(*values)
+    print("RESULT " + json.dumps(result), flush=True)
 
 
 if __name__ == "__main__":

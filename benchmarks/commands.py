@@ -28,7 +28,7 @@ FIRST = "list_first"
 def commands() -> dict[str, list[str]]:
     """The command lines by name; `base` is what the others are compared with."""
     desat = [sys.executable, "-m", "desat.cli"]
-    made = {
+    results = {
         "base": [sys.executable, "-c", BASE],
         "help": [*desat, "--help"],
         "list": [*desat, "list"],
@@ -40,14 +40,14 @@ def commands() -> dict[str, list[str]]:
         "make_ssp": ["make", "-C", str(HERE.parent), "ssp"],
     }
     if BASILISK.exists():
-        made["basilisk_day"] = [
+        results["basilisk_day"] = [
             str(BASILISK),
             str(HERE / "basilisk_day.py"),
             "dipole",
             "86400",
             "series.npz",
         ]
-    return made
+    return results
 
 
 def cost(command: list[str], cache: Path) -> tuple[float, float]:

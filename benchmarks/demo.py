@@ -19,16 +19,16 @@ SCENARIO = "uosat12/table3-ocdc-ilqr-1"
 def main() -> int:
     folder = Path(sys.argv[1])
     run = load_run(folder)
-    told = run.manifest
+    run_manifest = run.manifest
     with run.results as results:
-        least = lower_bound.of_run(told, results).least_same_end
+        least = lower_bound.of_run(run_manifest, results).least_same_end
     row = find(SCENARIO).content.paper["firing_time"]
     assert isinstance(row.values, dict)
     printed = row.values["ocdc"][row.columns.index("ilqr-1")]
-    ours = told.numbers["firing_time"].value
+    ours = run_manifest.numbers["firing_time"].value
     print(f"""
 What was flown: UoSAT-12, pointing to nadir, empties its wheels through coils and thrusters
-together, for {told.stop:g} s: the optimal combined dumping (OCDC) of Chen & Steyn, their Table 3.
+together, for {run_manifest.stop:g} s: the optimal combined dumping (OCDC) of Chen & Steyn, their Table 3.
 
 firing time of the thrusters     paper     ours     least that any law could do with
                               {printed:6.2f} s {ours:6.2f} s {least:6.2f} s

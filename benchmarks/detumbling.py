@@ -306,15 +306,15 @@ def detumbled(
             y[3:7] /= np.linalg.norm(y[3:7], axis=0)
         r, v, b = r1, v1, b1
         if k % 600 == 599:  # fields of draws that no lane flies any more are not needed
-            left = np.unique(draw[active])
-            kept = np.searchsorted(flying, left)
+            remaining = np.unique(draw[active])
+            saved = np.searchsorted(flying, remaining)
             there = Starts(
-                there.attitude[:, kept],
-                there.rates[:, kept],
-                there.anomaly[kept],
-                there.node[kept],
+                there.attitude[:, saved],
+                there.rates[:, saved],
+                there.anomaly[saved],
+                there.node[saved],
             )
-            flying, r, v, b = left, r[:, kept], v[:, kept], b[:, kept]
+            flying, r, v, b = remaining, r[:, saved], v[:, saved], b[:, saved]
     return found
 
 
@@ -334,17 +334,17 @@ def page_s_draws() -> tuple[Starts, dict[str, list[float | None]]]:
     from desat.papers import stored
     from desat.runs.prepare import read
 
-    kept = stored.read("hausat2")
+    stored_samples = stored.read("hausat2")
     times = {
         name: [
             r.numbers["detumbled"]
-            for r in kept["scenarios"][f"hausat2/{name}"]["draws"]
+            for r in stored_samples["scenarios"][f"hausat2/{name}"]["draws"]
         ]
         for name in cases()
     }
     system = read("hausat2/gain-k-1e5").to_draw(blocks=True)
     count = min(map(len, times.values()))
-    drawn = [sampling.draw_of(system, kept["seed"], i) for i in range(count)]
+    drawn = [sampling.draw_of(system, stored_samples["seed"], i) for i in range(count)]
     return Starts(
         *(
             np.array([d[f"spacecraft.{n}"] for d in drawn]).T
@@ -414,8 +414,8 @@ def other(names: Sequence[str]) -> dict[str, Any]:
 
 def choices(names: Sequence[str]) -> dict[str, Any]:
     """Other draws under what the paper leaves open, beside the same without."""
-    starts, given = others(CHANGED), [cases()[n] for n in JUDGED]
-    plain = detumbled(starts, given, Choices())
+    starts, inputs = others(CHANGED), [cases()[n] for n in JUDGED]
+    plain = detumbled(starts, inputs, Choices())
     return {
         name: {
             n: {
@@ -423,7 +423,7 @@ def choices(names: Sequence[str]) -> dict[str, Any]:
                 "most_apart": float(np.nanmax(np.abs(x - y))),
             }
             for n, x, y in zip(
-                JUDGED, detumbled(starts, given, VARIANTS[name]), plain, strict=True
+                JUDGED, detumbled(starts, inputs, VARIANTS[name]), plain, strict=True
             )
         }
         for name in names
@@ -449,7 +449,7 @@ def starts(names: Sequence[str]) -> dict[str, Any]:
 
 
 PARTS = {"same": same, "other": other, "choices": choices, "starts": starts}
-FLOWN = {"other": COUNT, "choices": CHANGED}
+COUNTS = {"other": COUNT, "choices": CHANGED}
 
 
 def rounded(value: Any) -> Any:
@@ -472,14 +472,14 @@ def main() -> int:
     }
     for part in sys.argv[1:2] or PARTS:
         names = sys.argv[2:] or list(known[part])
-        made = rounded(PARTS[part](names))
-        kept = data.get(part, {}).get("cases", {}) | made
+        result = rounded(PARTS[part](names))
+        saved = data.get(part, {}).get("cases", {}) | result
         data[part] = {
             "date": f"{datetime.now(UTC):%Y-%m-%d}",
             "seed": SEED,
-            "draws": FLOWN.get(part),
+            "draws": COUNTS.get(part),
             "versions": {"numpy": np.__version__, "python": platform.python_version()},
-            "cases": {n: kept[n] for n in known[part] if n in kept},
+            "cases": {n: saved[n] for n in known[part] if n in saved},
         }
         FILE.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
     return 0

@@ -173,11 +173,11 @@ KINDS = (
 
 def drawn(seed: int) -> list[tuple[str, list[str]]]:
     """Kind and options of each craft."""
-    made = []
+    results = []
     for kind in KINDS:
         r = random.Random(f"{seed} {kind}")
-        made += [(kind, facts(kind, r)) for _ in range(EACH)]
-    return made
+        results += [(kind, facts(kind, r)) for _ in range(EACH)]
+    return results
 
 
 def sized(options: Sequence[str]) -> tuple[dict[str, Any], float]:
@@ -211,10 +211,10 @@ sys.exit(code)
 """
 
 
-def beside(told: dict[str, Any]) -> dict[str, tuple[float, float]]:
+def compare(message: dict[str, Any]) -> dict[str, tuple[float, float]]:
     """Name -> size and closed loop."""
-    if "steady" in told:
-        loop, steady = told["loop"], told["steady"]
+    if "steady" in message:
+        loop, steady = message["loop"], message["steady"]
         if not loop.get("dumps_a_week"):
             return {}
         return {
@@ -222,7 +222,9 @@ def beside(told: dict[str, Any]) -> dict[str, tuple[float, float]]:
             "kg a year": (steady["a_year"], loop["propellant_a_year"]),
         }
     rows = [
-        r for r in told["curve"] if r["loop_rms"] is not None and r["rms"] is not None
+        r
+        for r in message["curve"]
+        if r["loop_rms"] is not None and r["rms"] is not None
     ]
     row = max(rows, key=lambda r: r["rod"])
     return {
@@ -251,20 +253,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with ThreadPoolExecutor(2) as pool:
         found = list(pool.map(lambda craft: sized(craft[1]), crafts))
     rows, held, none = [], 0, 0
-    for (kind, options), (told, cpu) in zip(crafts, found, strict=True):
-        pairs = beside(told)
-        made = cells(pairs)
-        held += made[-1] == "yes"
+    for (kind, options), (answer, cpu) in zip(crafts, found, strict=True):
+        pairs = compare(answer)
+        result = cells(pairs)
+        held += result[-1] == "yes"
         none += not pairs
-        dumps = told["loop"].get("dumps") if "steady" in told else None
+        dumps = answer["loop"].get("dumps") if "steady" in answer else None
         count = "" if dumps is None else f"{dumps:.0f}"
         row = [
             kind,
             shlex.join(options),
-            *made[:2],
+            *result[:2],
             count,
-            made[2],
-            "; ".join(told["problems"]),
+            result[2],
+            "; ".join(answer["problems"]),
         ]
         rows.append(f"| {' | '.join(row)} | {cpu:.0f} |")
     text = TEXT.read_text(encoding="utf-8").format(

@@ -35,9 +35,7 @@ STORE = Path(__file__).with_name("equality.json")
 PAGE = Path(__file__).parents[1] / "docs" / "equality.md"
 
 
-def flown(
-    scenario: str, fmus: Literal["native", "python"], loop: Loop
-) -> dict[str, Any]:
+def fly(scenario: str, fmus: Literal["native", "python"], loop: Loop) -> dict[str, Any]:
     """The first steps of a scenario: the sha256 of each output, how many values, the
     loop, and how it failed where it did."""
     system, schedule = prepare(scenario, Options(fmus=fmus)).or_raise()
@@ -69,8 +67,8 @@ def flown(
 def compared(scenario: str) -> dict[str, Any]:
     """A scenario flown both ways: what differs, and how much was compared."""
     native, python = (
-        flown(scenario, "native", "compiled"),
-        flown(scenario, "python", "python"),
+        fly(scenario, "native", "compiled"),
+        fly(scenario, "python", "python"),
     )
     names = native["series"].keys() | python["series"].keys()
     different = [n for n in names if native["series"].get(n) != python["series"].get(n)]
@@ -143,16 +141,16 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="benchmarks.equality")
     parser.add_argument("--seconds", type=float, default=float("inf"))
     parser.add_argument("family", nargs="*")
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     store = json.loads(STORE.read_text()) if STORE.exists() else {}
     began, today = time.monotonic(), datetime.now(UTC).date().isoformat()
-    names = [s for f in asked.family or families() for s in scenarios(f)]
+    names = [s for f in arguments.family or families() for s in scenarios(f)]
     every = {s for f in families() for s in scenarios(f)}
     store = {name: row for name, row in store.items() if name in every}
-    left = [n for n in names if store.get(n, {}).get("date") != today]
-    left.sort(key=lambda name: name in store)
-    for name in left:
-        if time.monotonic() - began > asked.seconds:
+    remaining = [n for n in names if store.get(n, {}).get("date") != today]
+    remaining.sort(key=lambda name: name in store)
+    for name in remaining:
+        if time.monotonic() - began > arguments.seconds:
             break
         store[name] = compared(name)
         lines = (f"{json.dumps(n)}: {json.dumps(r)}" for n, r in sorted(store.items()))

@@ -209,21 +209,21 @@ def measure(count: int, steps: int) -> dict[str, Any]:
                 "ptxas": used and f"{used[1]}, {used[2]} registers",
             }
         few, ends = cases(unit, layout.sizes[0], min(count, 8), steps)
-        made, seconds, failures = _run(on_host, few, steps)
+        result, seconds, failures = _run(on_host, few, steps)
         found["processor"] = {
             "cases": len(few),
             "failed": failures,
             "us_per_step": 1e6 * seconds / len(few) / steps,
-            "equal": bool((made == ends).all()),
+            "equal": bool((result == ends).all()),
         }
         if found["compiled"] and found["gpu"]:
             many = np.resize(few, (count, few.shape[1]))
-            made, seconds, failures = _run(folder / "gpu", many, steps)
+            result, seconds, failures = _run(folder / "gpu", many, steps)
             found["kernel"] = {
                 "cases": count,
                 "failed": failures,
                 "us_per_step": 1e6 * seconds / count / steps,
-                "differs": differs(made[: len(few)], ends, layout),
+                "differs": differs(result[: len(few)], ends, layout),
                 "tolerance": TOLERANCE,
             }
     return found
@@ -241,14 +241,14 @@ def _run(
     if done.returncode:
         sys.exit(done.stderr.decode())
     seconds, failures = done.stderr.split()
-    made = np.frombuffer(done.stdout, np.uint8).reshape(states.shape)
-    return made, float(seconds), int(failures)
+    buffer = np.frombuffer(done.stdout, np.uint8).reshape(states.shape)
+    return buffer, float(seconds), int(failures)
 
 
 def main() -> int:
     """Measure, and write."""
-    given = [int(x) for x in sys.argv[1:] if x != "write"]
-    found = measure(*given, *(CASES, STEPS)[len(given) :])
+    arguments = [int(x) for x in sys.argv[1:] if x != "write"]
+    found = measure(*arguments, *(CASES, STEPS)[len(arguments) :])
     print(json.dumps(found, indent=1))
     if "write" in sys.argv:
         data = json.loads(LATEST.read_text())

@@ -27,7 +27,7 @@ from rich.progress import track
 
 from desat.files.hardware import KINDS, known_figures
 
-from .laws import flown
+from .laws import fly as fly_law
 
 STORE = Path(__file__).with_name("hardware.json")
 DOCS = Path(__file__).parents[1] / "docs"
@@ -243,7 +243,7 @@ with _master(sys.argv[1], False) as base, _master(sys.argv[2], False) as other:
 """
 
 
-def fly(count: int, only: str, cost_alone: bool, kept: dict[str, Any]) -> None:
+def fly(count: int, only: str, cost_alone: bool, stored_values: dict[str, Any]) -> None:
     """Fly scenarios and variants, or measure what they cost alone, and keep that."""
     chosen = [v for v in VARIANTS if only in v.title]
     todo = [(name, v) for v in chosen for name in v.flights]
@@ -253,21 +253,21 @@ def fly(count: int, only: str, cost_alone: bool, kept: dict[str, Any]) -> None:
     ]
     for name, variant in track([*bases, *todo], "variants"):
         flight, key = FLIGHTS[name], f"{name} {variant.title}"
-        with tempfile.TemporaryDirectory() as made:
-            folder = Path(made)
+        with tempfile.TemporaryDirectory() as directory:
+            folder = Path(directory)
             if not cost_alone:
-                numbers = flown(
+                numbers = fly_law(
                     str(file_of(flight, variant.text, folder)), SEED, count, ()
                 )
-                wanted = [c for c, _, _ in flight.columns]
-                kept[key] = {
-                    "numbers": {c: [draw[c] for draw in numbers] for c in wanted},
+                expected = [c for c, _, _ in flight.columns]
+                stored_values[key] = {
+                    "numbers": {c: [draw[c] for draw in numbers] for c in expected},
                     "made": datetime.now(UTC).strftime("%Y-%m-%d"),
                 }
-            kept[key]["us"] = (
+            stored_values[key]["us"] = (
                 cost(flight, variant.text, folder) if variant.text else 0.0
             )
-        STORE.write_text(json.dumps(kept, indent=1, sort_keys=True) + "\n")
+        STORE.write_text(json.dumps(stored_values, indent=1, sort_keys=True) + "\n")
 
 
 def shown(x: float) -> str:
@@ -302,7 +302,7 @@ def _change(ours: list[float | None], base: list[float | None], scale: float) ->
     return f"{shown(middle)} ({signed(min(apart))} to {signed(max(apart))})"
 
 
-def table(kept: dict[str, Any], flights: tuple[str, ...]) -> str:
+def table(stored_values: dict[str, Any], flights: tuple[str, ...]) -> str:
     """The table of variants that are flown in these."""
     columns = [
         heading if i else f"{FLIGHTS[name].title}: {heading}"
@@ -313,7 +313,10 @@ def table(kept: dict[str, Any], flights: tuple[str, ...]) -> str:
         "| hardware | µs a step more | " + " | ".join(columns) + " |",
         "|---|" + "---|" * (len(columns) + 1),
     ]
-    base = {name: kept[f"{name} {FLIGHTS[name].title}"]["numbers"] for name in flights}
+    base = {
+        name: stored_values[f"{name} {FLIGHTS[name].title}"]["numbers"]
+        for name in flights
+    }
     cells = [
         _change(base[name][c], base[name][c], scale)
         for name in flights
@@ -321,9 +324,13 @@ def table(kept: dict[str, Any], flights: tuple[str, ...]) -> str:
     ]
     lines.append("| as the scenario has it | | " + " | ".join(cells) + " |")
     for variant in (v for v in VARIANTS if {*v.flights} <= {*flights}):
-        if not all(f"{name} {variant.title}" in kept for name in variant.flights):
+        if not all(
+            f"{name} {variant.title}" in stored_values for name in variant.flights
+        ):
             continue
-        rows = {name: kept[f"{name} {variant.title}"] for name in variant.flights}
+        rows = {
+            name: stored_values[f"{name} {variant.title}"] for name in variant.flights
+        }
         cells = [
             _change(rows[name]["numbers"][c], base[name][c], scale)
             if name in rows
@@ -336,37 +343,39 @@ def table(kept: dict[str, Any], flights: tuple[str, ...]) -> str:
     return "\n".join(lines)
 
 
-def listed(which: str) -> str:
+def listed(variant: str) -> str:
     """The table of all classes or products."""
-    lines = [f"| component | {which} | figures | source |", "|---|---|---|---|"]
-    if which == "class":
-        lines = [f"| component | {which} | figures |", "|---|---|---|"]
+    lines = [f"| component | {variant} | figures | source |", "|---|---|---|---|"]
+    if variant == "class":
+        lines = [f"| component | {variant} | figures |", "|---|---|---|"]
     for role, kind in KINDS.items():
-        for name, its in known_figures(which)[kind].items():
+        for name, its in known_figures(variant)[kind].items():
             shown = ", ".join(
                 f"{k} {v}" for k, v in its.items() if k not in ("maker", "source")
             )
-            row = f"| `{role}` | `{which}:{name}` | {shown} |"
+            row = f"| `{role}` | `{variant}:{name}` | {shown} |"
             lines.append(
                 f"{row} {its['maker']}: {its['source']} |" if "source" in its else row
             )
     return "\n".join(lines)
 
 
-def page(kept: dict[str, Any]) -> str:
+def page(stored_values: dict[str, Any]) -> str:
     """docs/hardware.md: the template with its tables."""
     text = (DOCS / "hardware.template").read_text()
     text = text.replace("{{ steps }}", f"{STEPS:,}").replace(
         "{{ rounds }}", str(ROUNDS)
     )
-    dumped = kept[f"cubesat {NADIR.title}"]["numbers"]["dumped"]
+    dumped = stored_values[f"cubesat {NADIR.title}"]["numbers"]["dumped"]
     text = text.replace(
         "{{ dumped }}", f"{sum(x is not None for x in dumped)} of {len(dumped)}"
     )
-    for which in ("class", "product"):
-        text = text.replace("{{ " + which + " }}", listed(which))
+    for kind in ("class", "product"):
+        text = text.replace("{{ " + kind + " }}", listed(kind))
     for flights in dict.fromkeys(v.flights for v in VARIANTS):
-        text = text.replace("{{ " + " ".join(flights) + " }}", table(kept, flights))
+        text = text.replace(
+            "{{ " + " ".join(flights) + " }}", table(stored_values, flights)
+        )
     return text
 
 
@@ -376,11 +385,11 @@ def main() -> int:
     parser.add_argument("--only", default="", help="variants whose title has this text")
     parser.add_argument("--cost", action="store_true", help="measure the cost alone")
     parser.add_argument("--page", action="store_true", help="write the page alone")
-    given = parser.parse_args()
-    kept: dict[str, Any] = json.loads(STORE.read_text()) if STORE.exists() else {}
-    if not given.page:
-        fly(given.draws, given.only, given.cost, kept)
-    (DOCS / "hardware.md").write_text(page(kept))
+    arguments = parser.parse_args()
+    saved: dict[str, Any] = json.loads(STORE.read_text()) if STORE.exists() else {}
+    if not arguments.page:
+        fly(arguments.draws, arguments.only, arguments.cost, saved)
+    (DOCS / "hardware.md").write_text(page(saved))
     return 0
 
 

@@ -129,12 +129,12 @@ def main() -> int:
     lines = {n: c for n, c in commands.commands().items() if n in ("base", *COMMANDS)}
     costs = commands.measure(lines)
     print(f"B: {costs['base']['cpu']:.3f} s")
-    for name, (wanted, unit) in COMMANDS.items():
+    for name, (expected, unit) in COMMANDS.items():
         of = costs[name]
         found = {"B": of["over_base"], "s": of["cpu"], "s of wall": of["wall"]}[unit]
         print(
             f"{' '.join(lines[name][3:])}: {found:.2f} {unit}, {of['cpu']:.2f} s "
-            f"(aim {wanted:g} {unit})"
+            f"(aim {expected:g} {unit})"
         )
     return 0
 

@@ -38,8 +38,10 @@ def series(folder: Path) -> dict[str, tuple[Any, ...]]:
         if isinstance(of, h5py.Dataset):
             value = of[()]
             data = value if isinstance(value, bytes) else value.tobytes()
-            own = {k: v for k, v in of.attrs.items() if isinstance(v, str | bytes)}
-            found[name] = (of.dtype.str, of.shape, data, own)
+            own_value = {
+                k: v for k, v in of.attrs.items() if isinstance(v, str | bytes)
+            }
+            found[name] = (of.dtype.str, of.shape, data, own_value)
 
     with h5py.File(folder / "series.h5") as file:
         file.visititems(add)
@@ -62,9 +64,9 @@ def differences(one: Path, other: Path) -> list[str]:
     return lines
 
 
-def command(*given: str) -> subprocess.Popen[str]:
+def command(*values: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", "desat.cli", *given],
+        [sys.executable, "-m", "desat.cli", *values],
         text=True,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
@@ -87,18 +89,18 @@ def kill(process: subprocess.Popen[str], whom: str) -> None:
 
 
 def trials(
-    count: int, given: tuple[str, ...], folder: Path, seed: int
+    count: int, values: tuple[str, ...], folder: Path, seed: int
 ) -> Iterator[str]:
     """Runs that are killed at random moments, and again while they go on, until one is
     left to complete. Of each how it went; it begins with `equal` where nothing
     differs."""
     chance = random.Random(seed)
     began = time.monotonic()
-    error = command("run", *given, "--out", str(folder / "whole")).communicate()[1]
+    error = command("run", *values, "--out", str(folder / "whole")).communicate()[1]
     assert (folder / "whole/report.html").exists(), error
     seconds = time.monotonic() - began
-    i = left = count
-    while left:
+    i = remaining = count
+    while remaining:
         i += 1
         place, kills, started = folder / str(i), [], False
         for attempt in range(4):
@@ -106,7 +108,7 @@ def trials(
             verb = (
                 ("resume", str(place))
                 if started
-                else ("run", *given, "--out", str(place))
+                else ("run", *values, "--out", str(place))
             )
             process = command(*verb)
             moment = chance.uniform(0.3, 0.9) * seconds if attempt < 3 else 600.0
@@ -126,19 +128,19 @@ def trials(
         done = (place / "report.html").exists()
         found = differences(folder / "whole", place) if done else [error]
         if kills:  # else it was too quick, and is no trial
-            left -= 1
+            remaining -= 1
             yield f"{'; '.join(found) or 'equal'}: killed {', '.join(kills)}"
 
 
 def main() -> int:
     """So many trials, by the seed that is given next; 1 where one differs."""
-    keep = seen.asked()
+    keep = seen.is_writing()
     count, seed = (*map(int, sys.argv[1:]), *(100, 1)[len(sys.argv) - 1 :])[:2]
-    given = (TARGET, "--stop", str(STOP), "--checkpoint", str(EVERY), "--no-baseline")
-    made = equal = kills = 0
+    cases = (TARGET, "--stop", str(STOP), "--checkpoint", str(EVERY), "--no-baseline")
+    result = equal = kills = 0
     with tempfile.TemporaryDirectory() as folder:
-        for line in trials(count, given, Path(folder), seed):
-            made += 1
+        for line in trials(count, cases, Path(folder), seed):
+            result += 1
             equal += line.startswith("equal")
             kills += line.count(" at ")
             print(line, flush=True)
@@ -146,7 +148,7 @@ def main() -> int:
                 seen.keep(
                     "killed",
                     f"seed {seed}",
-                    {"runs": made, "equal": equal, "kills": kills},
+                    {"runs": result, "equal": equal, "kills": kills},
                 )
     print(f"{equal} of {count} equal to the run without a break, killed {kills} times")
     return int(equal < count)

@@ -184,7 +184,7 @@ class Layout:
             self._types["block"] = self._fields(
                 re.sub(r"/\*.*?\*/", "", block[1], flags=re.S)
             )
-            self._room("block")
+            self._buffer("block")
         self.sizes = tuple(self._at)
 
     def _fields(self, body: str) -> list[tuple[str, int, str]]:
@@ -214,7 +214,7 @@ class Layout:
             largest = max(largest, align)
         return -(-size // largest) * largest, largest
 
-    def _room(self, kind: str) -> None:
+    def _buffer(self, kind: str) -> None:
         at = tuple(self._at)
         self._walk(kind, *at)
         for w in (0, 1):
@@ -237,18 +237,18 @@ class Layout:
 
     def put(self, states: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """States (lanes, bytes) side by side; their integers are alike."""
-        room = np.zeros(self.sizes[1] + 64, np.uint8)
-        made = room[-room.ctypes.data % 64 :][: self.sizes[1]]
+        memory = np.zeros(self.sizes[1] + 64, np.uint8)
+        result = memory[-memory.ctypes.data % 64 :][: self.sizes[1]]
         for (a, size), (b, _, is_lane) in zip(self.plain, self.wide, strict=True):
             part = states[:, a : a + size]
             if is_lane:
-                made[b : b + size * self._lanes] = part.reshape(-1)
+                result[b : b + size * self._lanes] = part.reshape(-1)
             else:
-                made[b : b + size] = part[0]
+                result[b : b + size] = part[0]
                 if a in self._seeds:
                     self._seeds[a] = part.copy()
                 assert a in self._seeds or (part == part[0]).all()
-        return made
+        return result
 
     def take(self, wide: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """The states (lanes, bytes)."""
@@ -268,9 +268,9 @@ def built(text: str, folder: Path, lanes: int, flags: list[str]) -> Any:
     source.write_text(head + text + _TAIL)
     library = source.with_suffix(".so")
     subprocess.run(["g++", *FLAGS, *flags, "-o", str(library), str(source)], check=True)
-    made = ctypes.CDLL(str(library))
-    made.loop_size.restype = ctypes.c_size_t
-    return made
+    shared_library = ctypes.CDLL(str(library))
+    shared_library.loop_size.restype = ctypes.c_size_t
+    return shared_library
 
 
 def counted(text: str) -> str:
@@ -327,8 +327,8 @@ def measure() -> dict[str, Any]:
     found: dict[str, Any] = {"system": NAME, "steps": STEPS, "date": str(date.today())}
     with TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        wanted = LoopEnds(parameters=tuple(draws))
-        fmu = export(NAME, Options(), wanted, folder / "loop.fmu")
+        expected = LoopEnds(parameters=tuple(draws))
+        fmu = export(NAME, Options(), expected, folder / "loop.fmu")
         unit = Unit(fmu, folder / "fmu")
         text = unit.text()
         for lanes, flags in WIDTHS.items():

@@ -141,12 +141,12 @@ def _rows() -> tuple[Row, ...]:
 ROWS = _rows()
 
 
-def key(scenario: str, seed: int, given: tuple[str, ...] = ()) -> str:
+def key(scenario: str, seed: int, values: tuple[str, ...] = ()) -> str:
     """What a set of draws is kept under."""
-    return " ".join((scenario, str(seed), *given))
+    return " ".join((scenario, str(seed), *values))
 
 
-def wanted(rows: tuple[Row, ...]) -> list[tuple[str, tuple[str, ...]]]:
+def campaigns_of(rows: tuple[Row, ...]) -> list[tuple[str, tuple[str, ...]]]:
     """The scenarios with their overrides that these rows need, each once."""
     found: dict[tuple[str, tuple[str, ...]], None] = {}
     for row in rows:
@@ -159,9 +159,9 @@ def wanted(rows: tuple[Row, ...]) -> list[tuple[str, tuple[str, ...]]]:
     return list(found)
 
 
-def flown(scenario: str, seed: int, count: int, given: tuple[str, ...]) -> Numbers:
+def fly(scenario: str, seed: int, count: int, values: tuple[str, ...]) -> Numbers:
     """The numbers of each draw; a draw that did not complete ends all."""
-    options = Options(sets=list(given))
+    options = Options(sets=list(values))
     draws = draw(scenario, count, seed, options, jobs=os.cpu_count() or 1).rows
     bad = [row.message for row in draws if not row.completed]
     if bad or len(draws) != count:
@@ -184,11 +184,11 @@ def least_at(curve: list[tuple[float, float]], energy: float) -> float:
     return best
 
 
-def values(row: Row, seed: int, kept: dict[str, Any]) -> list[float] | None:
+def values(row: Row, seed: int, stored_values: dict[str, Any]) -> list[float] | None:
     """The row's value of each draw; None where draws are missing."""
 
-    def of(scenario: str, given: tuple[str, ...] = ()) -> Numbers:
-        return kept[key(scenario, seed, given)]["numbers"]  # type: ignore[no-any-return]
+    def of(scenario: str, inputs: tuple[str, ...] = ()) -> Numbers:
+        return stored_values[key(scenario, seed, inputs)]["numbers"]  # type: ignore[no-any-return]
 
     def number(x: dict[str, float | None], name: str) -> float:
         value = x[name]
@@ -340,7 +340,7 @@ FORMS = {
 }
 
 
-def table(rows: tuple[Row, ...], kept: dict[str, Any]) -> list[str]:
+def table(rows: tuple[Row, ...], stored_values: dict[str, Any]) -> list[str]:
     """The lines of the table of some rows."""
     lines = [
         "| case | number | aim | tuned on | judged by | worst draw | draws | met |",
@@ -349,7 +349,7 @@ def table(rows: tuple[Row, ...], kept: dict[str, Any]) -> list[str]:
     for row in rows:
         cells = []
         for seed in (TUNED[row.scenario.split("/")[0]], JUDGED):
-            sample = values(row, seed, kept)
+            sample = values(row, seed, stored_values)
             if not sample:
                 cells.append(("not flown", "", 0, math.nan))
                 continue
@@ -369,13 +369,15 @@ def table(rows: tuple[Row, ...], kept: dict[str, Any]) -> list[str]:
     return lines
 
 
-def page(kept: dict[str, Any]) -> str:
+def page(stored_values: dict[str, Any]) -> str:
     """docs/laws.md: the template with its tables."""
     text = (DOCS / "laws.template").read_text()
     for family in dict.fromkeys(row.scenario.split("/")[0] for row in ROWS):
         rows = tuple(row for row in ROWS if row.scenario.startswith(family + "/"))
-        text = text.replace("{{ " + family + " }}", "\n".join(table(rows, kept)))
-    cost = kept.get("cost")
+        text = text.replace(
+            "{{ " + family + " }}", "\n".join(table(rows, stored_values))
+        )
+    cost = stored_values.get("cost")
     if cost:
         for name, value in cost.items():
             text = text.replace("{{ cost." + name + " }}", str(value))
@@ -391,31 +393,31 @@ def main() -> int:
     )
     parser.add_argument("--page", action="store_true", help="write the page alone")
     parser.add_argument("--cost", action="store_true", help="measure what a plan takes")
-    given = parser.parse_args()
-    kept: dict[str, Any] = json.loads(STORE.read_text()) if STORE.exists() else {}
-    if given.cost:
-        kept["cost"] = cost()
-        STORE.write_text(json.dumps(kept, indent=1, sort_keys=True) + "\n")
-    elif not given.page:
+    arguments = parser.parse_args()
+    saved: dict[str, Any] = json.loads(STORE.read_text()) if STORE.exists() else {}
+    if arguments.cost:
+        saved["cost"] = cost()
+        STORE.write_text(json.dumps(saved, indent=1, sort_keys=True) + "\n")
+    elif not arguments.page:
         rows = tuple(
             r
             for r in ROWS
-            if not given.families or r.scenario.split("/")[0] in given.families
+            if not arguments.families or r.scenario.split("/")[0] in arguments.families
         )
         numbers = {r.number for r in ROWS} | {"energy_per_orbit", "bound_same_end"}
-        jobs = wanted(rows)
+        jobs = campaigns_of(rows)
         for k, (scenario, sets) in enumerate(jobs):
             print(f"{k + 1} of {len(jobs)}: {scenario} {' '.join(sets)}", flush=True)
-            seed = TUNED[scenario.split("/")[0]] if given.tuned else JUDGED
-            draws = flown(scenario, seed, given.draws, sets)
-            kept[key(scenario, seed, sets)] = {
+            seed = TUNED[scenario.split("/")[0]] if arguments.tuned else JUDGED
+            draws = fly(scenario, seed, arguments.draws, sets)
+            saved[key(scenario, seed, sets)] = {
                 "date": datetime.now(UTC).date().isoformat(),
                 "numbers": [
                     {n: d[n] for n in sorted(numbers) if n in d} for d in draws
                 ],
             }
-            STORE.write_text(json.dumps(kept, indent=1, sort_keys=True) + "\n")
-    (DOCS / "laws.md").write_text(page(kept))
+            STORE.write_text(json.dumps(saved, indent=1, sort_keys=True) + "\n")
+    (DOCS / "laws.md").write_text(page(saved))
     return 0
 
 

@@ -161,7 +161,8 @@ class Unit:
         yield "    char *at = (char *)state + block_room(sizeof(block));"
         yield "    c->self = (block *)state;"
         yield from (
-            f"    c->part[{i}] = at; at += {room};" for i, room in enumerate(rooms)
+            f"    c->part[{i}] = at; at += {package};"
+            for i, package in enumerate(rooms)
         )
         yield f"    for (int64_t n = 0; n < steps; n++, c->self->k++) switch (c->self->k % {count})"
         yield f"    {{ {cases} }}"
@@ -222,9 +223,9 @@ class Unit:
 
     def _bytes(self, fmu: Any, size: int) -> NDArray[np.uint8]:
         state = fmu.getFMUState()
-        made = fmu.serializeFMUState(state)
+        result = fmu.serializeFMUState(state)
         fmu.freeFMUState(state)
-        return np.frombuffer(made[-size:], np.uint8).copy()
+        return np.frombuffer(result[-size:], np.uint8).copy()
 
 
 def _device(code: str) -> str:

@@ -30,10 +30,10 @@ _PATIENCE = 90.0
 """Seconds that a head has to end."""
 
 
-def go_on(folder: Path, how: str, end: float) -> bool:
+def go_on(folder: Path, way: str, end: float) -> bool:
     """A head until it is done, killed or out of time; what was seen goes to HOW.json.
     True when all cases are there."""
-    where, notes = folder / how, folder / f"{how}.json"
+    place, notes = folder / way, folder / f"{way}.json"
     seen: dict[str, Any] = (
         json.loads(notes.read_text())
         if notes.exists()
@@ -46,14 +46,14 @@ def go_on(folder: Path, how: str, end: float) -> bool:
         "campaign",
         NAME,
         "-n",
-        str(CASES[how]),
+        str(CASES[way]),
         "--stop",
         ORBIT,
-        *HOWS[how],
+        *HOWS[way],
         "--out",
-        str(where),
+        str(place),
     ]
-    head: dict[str, Any] = {"from": _done(where)[1]}
+    head: dict[str, Any] = {"from": _done(place)[1]}
     began, load = time.monotonic(), [os.getloadavg()[0]]
     with subprocess.Popen(
         command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
@@ -61,7 +61,7 @@ def go_on(folder: Path, how: str, end: float) -> bool:
         while process.poll() is None:
             time.sleep(2.0)
             load.append(os.getloadavg()[0])
-            state, done = _done(where)
+            state, done = _done(place)
             workers = _workers(process.pid)
             if state == "done":
                 head.setdefault("cases_seconds", time.monotonic() - began)
@@ -69,10 +69,10 @@ def go_on(folder: Path, how: str, end: float) -> bool:
                 seen["memory"].append(
                     [done, _memory(process.pid), statistics.mean(map(_memory, workers))]
                 )
-            if how == "dask" and done >= KILL and not seen["killed"] and workers:
+            if way == "dask" and done >= KILL and not seen["killed"] and workers:
                 seen["killed"].append({"worker": workers[-1], "at": done})
                 os.kill(workers[-1], signal.SIGKILL)
-            if how == "dask" and done >= KILL_HEAD > head["from"] and state != "done":
+            if way == "dask" and done >= KILL_HEAD > head["from"] and state != "done":
                 head["killed_at"] = done
                 process.kill()
                 process.wait(_PATIENCE)
@@ -82,19 +82,19 @@ def go_on(folder: Path, how: str, end: float) -> bool:
                 process.wait(_PATIENCE)
     head["seconds"], head["exit"] = time.monotonic() - began, process.returncode
     head["load"] = statistics.mean(load)
-    state, head["to"] = _done(where)
+    state, head["to"] = _done(place)
     seen["heads"].append(head)
     notes.write_text(json.dumps(seen))
-    print(how, head, flush=True)
+    print(way, head, flush=True)
     return state == "done"
 
 
-def _done(where: Path) -> tuple[str, int]:
-    path = where / "status.json"
-    told: dict[str, Any] = {"state": "new", "done": 0}
+def _done(place: Path) -> tuple[str, int]:
+    path = place / "status.json"
+    results: dict[str, Any] = {"state": "new", "done": 0}
     if path.exists():
-        told = json.loads(path.read_text())
-    return told["state"], told["done"]
+        results = json.loads(path.read_text())
+    return results["state"], results["done"]
 
 
 def _workers(pid: int) -> list[int]:
@@ -133,18 +133,18 @@ def judged(folder: Path) -> dict[str, Any]:
         "system": f"{NAME}, {ORBIT} s at 10 s",
         "date": str(date.today()),
     }
-    for how, wanted in CASES.items():
-        seen = json.loads((folder / f"{how}.json").read_text())
+    for way, expected in CASES.items():
+        seen = json.loads((folder / f"{way}.json").read_text())
         rows = store.read(
-            folder / how, columns=["case", "status", "attempts", "seconds"]
+            folder / way, columns=["case", "status", "attempts", "seconds"]
         )
         cases, heads = rows["case"].to_pylist(), seen["heads"]
         seconds = sum(h.get("cases_seconds", h["seconds"]) for h in heads)
-        files = [p for p in (folder / how).rglob("*.parquet") if p.is_file()]
-        result[how] = {
-            "cases": wanted,
+        files = [p for p in (folder / way).rglob("*.parquet") if p.is_file()]
+        result[way] = {
+            "cases": expected,
             "rows": len(cases),
-            "each_case_once": cases == list(range(wanted)),
+            "each_case_once": cases == list(range(expected)),
             "completed": rows["status"].to_pylist().count("completed"),
             "made_again": sum(a > 1 for a in rows["attempts"].to_pylist()),
             "heads": len(heads),
@@ -152,16 +152,16 @@ def judged(folder: Path) -> dict[str, Any]:
             "worker_killed_at": [x["at"] for x in seen["killed"]],
             "head_killed_at": [h["killed_at"] for h in heads if "killed_at" in h],
             "seconds": seconds,
-            "cases_per_second": wanted / seconds,
+            "cases_per_second": expected / seconds,
             "ms_per_case": 1e3 * statistics.median(rows["seconds"].to_pylist()),
             "report_seconds": heads[-1]["seconds"] - heads[-1]["cases_seconds"],
-            "bytes_per_case": sum(p.stat().st_size for p in files) / wanted,
+            "bytes_per_case": sum(p.stat().st_size for p in files) / expected,
             "load": [round(h["load"], 1) for h in heads if "load" in h],
-            "memory_mb": _memory_over(seen["memory"], wanted),
-            "digest": store.digest(folder / how),
+            "memory_mb": _memory_over(seen["memory"], expected),
+            "digest": store.digest(folder / way),
         }
     common = min(CASES.values())
-    digests = {store.digest(folder / how, first=common) for how in HOWS}
+    digests = {store.digest(folder / way, first=common) for way in HOWS}
     return result | {
         "common": common,
         "same_bits": len(digests) == 1,
@@ -188,11 +188,11 @@ def _memory_over(samples: list[list[float]], cases: int) -> list[dict[str, float
 
 def main() -> int:
     """Go on, or write."""
-    folder, what = Path(sys.argv[1]), sys.argv[2] if len(sys.argv) > 2 else "inf"
+    folder, subject = Path(sys.argv[1]), sys.argv[2] if len(sys.argv) > 2 else "inf"
     # a shell has its jobs in the background ignore it, and the heads would do so, too
     signal.signal(signal.SIGINT, signal.default_int_handler)
     folder.mkdir(parents=True, exist_ok=True)
-    if what == "write":
+    if subject == "write":
         from .run import LATEST
 
         data = json.loads(LATEST.read_text())
@@ -200,12 +200,12 @@ def main() -> int:
         LATEST.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
         print(json.dumps(data["many_cases"], indent=1))
         return 0
-    end = time.monotonic() + float(what)
-    for how in HOWS:
-        while _done(folder / how)[0] != "done":
+    end = time.monotonic() + float(subject)
+    for way in HOWS:
+        while _done(folder / way)[0] != "done":
             if time.monotonic() > end:
                 return 1
-            go_on(folder, how, end)
+            go_on(folder, way, end)
     return 0
 
 

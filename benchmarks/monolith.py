@@ -42,10 +42,10 @@ def values(sets: list[str]) -> dict[str, dict[str, Any]]:
     system, _ = prepare(SCENARIO, Options(sets=sets, blocks=True)).or_raise()
     found: dict[str, dict[str, Any]] = {}
     for component, entries in table(system.components.values()).items():
-        given = {name: e.value for name, e in entries.items()}
+        inputs = {name: e.value for name, e in entries.items()}
         found[component] = {
             n: np.array(v) if isinstance(v, list) and not isinstance(v[0], str) else v
-            for n, v in given.items()
+            for n, v in inputs.items()
         }
     found["run"] = {"step": system.step}
     return found
@@ -251,11 +251,11 @@ def run(
         def pid(
             xi: Array, e: Array = e, d_omega: Array = d_omega, limit: float = limit
         ) -> tuple[Array, bool]:
-            wanted = -gains @ (
+            expected = -gains @ (
                 control["kp"] * e + control["kd"] * d_omega + control["ki"] * xi
             )
-            cut = np.clip(wanted, -limit, limit)
-            return cut, bool((cut != wanted).any())
+            cut = np.clip(expected, -limit, limit)
+            return cut, bool((cut != expected).any())
 
         tau, was_cut = pid(grown)
         if was_cut:
@@ -434,10 +434,10 @@ def _wheels(
         end = drag((h + pushed - x0 * grown / loop) / spin - rate - slope * part)
         steady = (end - start) / (loop * part)
         rest = x0 - steady
-        lost = steady * part + rest * grown / loop
+        loss = steady * part + rest * grown / loop
         first = 0.5 * steady * part**2 + rest / loop * (part - grown / loop)
         motor_part = 0.5 * command * part**2 + excess * (part - lag * (1.0 - after))
-        new = h + pushed - lost
+        new = h + pushed - loss
         integral = h * part + motor_part - first
         stopped = np.abs(new) > limit
         if stopped.any():
@@ -458,11 +458,11 @@ def _wheels(
     return h, motor, learnt, total
 
 
-def _environment(given: dict[str, Any]) -> EnvironmentKepler:
+def _environment(values: dict[str, Any]) -> EnvironmentKepler:
     block = EnvironmentKepler()
     for variable in block.variables:
         if variable.causality == "parameter":
-            value = given[variable.name]
+            value = values[variable.name]
             if variable.choices:
                 value = variable.choices.index(value)
             setattr(block, variable.name, tuple(value) if variable.shape else value)

@@ -182,11 +182,11 @@ def by_node(
     found = []
     for k in range(NODES):
         node = 2.0 * math.pi * k / NODES
-        kept, whole = (
+        saved, full = (
             day(altitude, inclination, f, seconds, node)
             for f in ((), ("tesserals", "sun", "moon"))
         )
-        found.append(float(np.linalg.norm((whole - kept)[:, :3], axis=1).max()))
+        found.append(float(np.linalg.norm((full - saved)[:, :3], axis=1).max()))
     return min(found), max(found)
 
 
@@ -195,10 +195,10 @@ def of_a_day(
 ) -> dict[str, Any]:
     """By force left out: the largest distance (m), by all also the largest difference
     of field (T), as a share of it, and of the direction to nadir (rad)."""
-    kept = day(altitude, inclination, (), seconds)
+    saved = day(altitude, inclination, (), seconds)
     every = ("tesserals", "sun", "moon")
     away = {f: day(altitude, inclination, (f,), seconds) for f in every}
-    whole = day(altitude, inclination, every, seconds)
+    full = day(altitude, inclination, every, seconds)
     angle = earth.earth_angle(EPOCH)
 
     def field(t: float, r: Array) -> Array:
@@ -208,13 +208,13 @@ def of_a_day(
         fixed = np.array(geomagnetic.igrf((x, y, z), earth.decimal_year(EPOCH + t)))
         return np.asarray(turn.T @ fixed)
 
-    rows = range(0, len(kept), 5)
+    rows = range(0, len(saved), 5)
     fields = [
-        (field(60.0 * k, kept[k, :3]), field(60.0 * k, whole[k, :3])) for k in rows
+        (field(60.0 * k, saved[k, :3]), field(60.0 * k, full[k, :3])) for k in rows
     ]
     up = [
         x[:, :3] / np.linalg.norm(x[:, :3], axis=1, keepdims=True)
-        for x in (kept, whole)
+        for x in (saved, full)
     ]
     return {
         "altitude": altitude,
@@ -222,10 +222,10 @@ def of_a_day(
         "seconds": seconds,
         "distance": {
             **{
-                f: float(np.linalg.norm((x - kept)[:, :3], axis=1).max())
+                f: float(np.linalg.norm((x - saved)[:, :3], axis=1).max())
                 for f, x in away.items()
             },
-            "all": float(np.linalg.norm((whole - kept)[:, :3], axis=1).max()),
+            "all": float(np.linalg.norm((full - saved)[:, :3], axis=1).max()),
         },
         "by_node": by_node(altitude, inclination, seconds),
         "field": max(float(np.linalg.norm(a - b)) for a, b in fields),

@@ -63,11 +63,11 @@ PLACES: dict[str, tuple[dict[str, str], str]] = {
 
 
 def started(
-    folder: Path, environment: dict[str, str], *given: str
+    folder: Path, environment: dict[str, str], *values: str
 ) -> subprocess.Popen[str]:
     """A command of his."""
     return subprocess.Popen(
-        [*BECOME, sys.executable, "-m", "desat.cli", *given],
+        [*BECOME, sys.executable, "-m", "desat.cli", *values],
         cwd=folder,
         text=True,
         stdout=subprocess.PIPE,
@@ -83,7 +83,9 @@ def started(
 
 def ended(processes: list[subprocess.Popen[str]]) -> list[tuple[int, str]]:
     """Their codes, and what they said on standard error."""
-    return [(p.returncode, said) for p in processes for _, said in (p.communicate(),)]
+    return [
+        (p.returncode, message) for p in processes for _, message in (p.communicate(),)
+    ]
 
 
 def tried(environment: dict[str, str], name: str, root: Path) -> dict[str, Any]:
@@ -94,12 +96,14 @@ def tried(environment: dict[str, str], name: str, root: Path) -> dict[str, Any]:
         new.mkdir()
         os.chown(new, USER, USER)
     both = ended([started(folder, environment, *RUN) for _ in range(2)])
-    wrong += [f"two at once: {code} {said}" for code, said in both if code or said]
-    made = [Results.open(p.parent) for p in sorted(folder.glob("runs/*/series.h5"))]
-    bits = {r.values("wheels.h_wheel").tobytes() for r in made}
-    if (len(made), len(bits)) != (2, 1):
+    wrong += [
+        f"two at once: {code} {message}" for code, message in both if code or message
+    ]
+    results = [Results.open(p.parent) for p in sorted(folder.glob("runs/*/series.h5"))]
+    bits = {r.values("wheels.h_wheel").tobytes() for r in results}
+    if (len(results), len(bits)) != (2, 1):
         wrong.append(
-            f"two at once made {len(made)} runs, {len(bits)} of them different"
+            f"two at once made {len(results)} runs, {len(bits)} of them different"
         )
     one = ended([started(folder, environment, *RUN, "--out", "one") for _ in range(2)])
     if (
@@ -107,28 +111,28 @@ def tried(environment: dict[str, str], name: str, root: Path) -> dict[str, Any]:
         or not (folder / "one/report.html").exists()
     ):
         wrong.append(f"two at once into one folder: {one}")
-    for given in OTHERS:
-        ((code, said),) = ended([started(folder, environment, *given)])
-        if code or [x for x in said.splitlines() if not x.startswith("note: ")]:
-            wrong.append(f"{given[0]}: {code} {said}")
-    left = [
+    for inputs in OTHERS:
+        ((code, message),) = ended([started(folder, environment, *inputs)])
+        if code or [x for x in message.splitlines() if not x.startswith("note: ")]:
+            wrong.append(f"{inputs[0]}: {code} {message}")
+    remaining = [
         p.name for p in (root / "tmp ö").iterdir() if p.name != f"desat-cache-{USER}"
     ]
-    wrong += [f"left in the temporary folder: {left}"] if left else []
+    wrong += [f"left in the temporary folder: {remaining}"] if remaining else []
     return {"commands": 4 + len(OTHERS), "wrong": wrong}
 
 
 def main() -> int:
     """A line an environment; 1 where something was not as it should be."""
-    keep, bad = seen.asked(), False
-    given = sys.argv[1:] or PLACES
+    keep, bad = seen.is_writing(), False
+    arguments = sys.argv[1:] or PLACES
     if (
         not shutil.which("setpriv")
         or subprocess.run([*BECOME, "true"], check=False).returncode
     ):
         print("skipped: it needs root and setpriv, to become another user")
         return 0
-    for name in given:
+    for name in arguments:
         environment, place = PLACES[name]
         with tempfile.TemporaryDirectory() as folder:
             os.chmod(folder, 0o755)

@@ -47,9 +47,9 @@ def truth(plant: str) -> NDArray[np.float64]:
 
 def error(plant: str, found: NDArray[np.float64]) -> float:
     """The largest difference of a quaternion's element from the truth's."""
-    wanted = truth(plant)[: len(found)]
-    sign = np.sign((found * wanted).sum(axis=1, keepdims=True))
-    return float(np.abs(found - sign * wanted).max())
+    expected = truth(plant)[: len(found)]
+    sign = np.sign((found * expected).sum(axis=1, keepdims=True))
+    return float(np.abs(found - sign * expected).max())
 
 
 def ours(plant: str, step: float) -> dict[str, Any]:

@@ -57,8 +57,8 @@ def measured(steps: int) -> dict[str, float]:
         {name: _cost(options) for name, options in ways.items()} for _ in range(TURNS)
     ]
 
-    def least(name: str, which: int) -> float:
-        return min(turn[name][which] for turn in turns)
+    def least(name: str, kind: int) -> float:
+        return min(turn[name][kind] for turn in turns)
 
     fmus = turns[0]["apart"][3]
     each = 1e6 / steps / fmus
@@ -89,7 +89,7 @@ def measured(steps: int) -> dict[str, float]:
 
 def main() -> None:
     """A line a figure."""
-    keep = seen.asked()
+    keep = seen.is_writing()
     steps = int(sys.argv[1]) if len(sys.argv) > 1 else 2000
     found = {name: round(value, 3) for name, value in measured(steps).items()}
     for name, value in found.items():

@@ -78,13 +78,13 @@ def found(python: str) -> str | None:
     ):
         if path is None:
             continue
-        asked = subprocess.run(
+        process = subprocess.run(
             [path, "-c", "import sys; print('%d.%d' % sys.version_info[:2])"],
             capture_output=True,
             text=True,
             check=False,
         )
-        if asked.stdout.strip() == python:
+        if process.stdout.strip() == python:
             return path
     return None
 
@@ -107,14 +107,17 @@ def tried(wheel: Path, python: str, work: Path) -> tuple[Path, list[tuple[str, s
     ended = []
     for line in COMMANDS:
         name, *rest = line.split()
-        said = do(
+        message = do(
             environment / "bin" / name,
             *rest,
             cwd=empty,
             DESAT_CACHE=str(work / f"cache-{python}"),
         )
         ended.append(
-            (line, next((x for x in said.splitlines() if x.strip()), "").strip()[:90])
+            (
+                line,
+                next((x for x in message.splitlines() if x.strip()), "").strip()[:90],
+            )
         )
     return environment, ended
 
@@ -184,7 +187,7 @@ def main() -> None:
             )
             lines += [
                 f"- Python {python}: all commands end well; {versions}",
-                *(f"  - `{line}`: {said}" for line, said in ended),
+                *(f"  - `{line}`: {message}" for line, message in ended),
             ]
             bill = out / f"desat-{number}.cdx.json"
             if not bill.exists():

@@ -53,10 +53,10 @@ def measure(family: str) -> None:
     file = paths.DRAWS / family / "residuals.json"
     today = f"{datetime.now(UTC):%Y-%m-%d}"
     data = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
-    kept = data.get("runs", {}) if data.get("date") == today else {}
+    saved = data.get("runs", {}) if data.get("date") == today else {}
     runs: dict[str, Any] = {}
     for name in scenarios(family):
-        runs[name] = kept.get(name) or of(name)
+        runs[name] = saved.get(name) or of(name)
         data = {
             "date": today,
             "versions": {p: version(p) for p in ("desat", "numpy")},

@@ -85,7 +85,7 @@ def _revision(python: str) -> str:
 
 def main() -> int:
     """Compare each; 1 where something differs."""
-    asked, other = seen.asked(), sys.argv[1]
+    keep, other = seen.is_writing(), sys.argv[1]
     revisions = [_revision(python) for python in (sys.executable, other)]
     found: dict[str, Any] = {}
     for name in NAMES:
@@ -103,7 +103,7 @@ def main() -> int:
             "other": revisions[1],
         }
         print(name, found[name], flush=True)
-        if asked:
+        if keep:
             seen.keep("rows", name, found[name])
     return int(any(x["differing"] for x in found.values()))
 

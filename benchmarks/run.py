@@ -235,17 +235,17 @@ def shares(path: str, steps: int) -> dict[str, Any]:
         clock, spent = time.perf_counter, {name: [0.0, 0.0] for name in master.members}
 
         def wrapped(
-            call: Callable[[], int], cell: list[float], which: int
+            call: Callable[[], int], cell: list[float], kind: int
         ) -> Callable[[], int]:
             def timed() -> int:
                 began = clock()
                 result = call()
-                cell[which] += clock() - began
+                cell[kind] += clock() - began
                 return result
 
             return timed
 
-        whole = _timed(master, steps, "python")
+        full = _timed(master, steps, "python")
         for call in _calls(master):
             cell = spent[call.instance.name]
             call.call = wrapped(call.call, cell, int(call.verb == "step"))
@@ -254,7 +254,7 @@ def shares(path: str, steps: int) -> dict[str, Any]:
         parts = {n: round(1e6 * sum(cell) / total, 2) for n, cell in spent.items()}
         steps_alone = {n: round(1e6 * cell[1] / total, 2) for n, cell in spent.items()}
         return {
-            "us": whole,
+            "us": full,
             "us_per_component": parts,
             "of_which_in_do_step": steps_alone,
         }
@@ -478,7 +478,7 @@ def nadir_day() -> dict[str, Any]:
     Basilisk's record at every step; libcosim, whose file of all variables would cost
     more than its steps, does not."""
     result: dict[str, Any] = {}
-    whole, igrf = 86400, HERE.parent / "components" / "physics" / "igrf14.json"
+    full, igrf = 86400, HERE.parent / "components" / "physics" / "igrf14.json"
     for field in ("dipole", "igrf"):
         python, fast = (
             packed(f"nadir_day/day-{field}", kind) for kind in ("python", "native")
@@ -487,11 +487,11 @@ def nadir_day() -> dict[str, Any]:
         tools: dict[str, tuple[str, Callable[[], dict[str, Any]]]] = {
             "python": ("us", partial(_measure, "recorded", python, 4000, "python")),
             "native": ("us", partial(_measure, "recorded", fast, 20000, "python")),
-            "loop": ("us", partial(_measure, "recorded", fast, whole)),
-            "libcosim_native": ("us", partial(_measure, "libcosim", fast, whole)),
-            "basilisk": ("us_per_step", partial(_basilisk_day, theirs, whole)),
-            "command": ("seconds", partial(_measure, "command", fast, whole)),
-            "basilisk_command": ("seconds", partial(_basilisk_command, theirs, whole)),
+            "loop": ("us", partial(_measure, "recorded", fast, full)),
+            "libcosim_native": ("us", partial(_measure, "libcosim", fast, full)),
+            "basilisk": ("us_per_step", partial(_basilisk_day, theirs, full)),
+            "command": ("seconds", partial(_measure, "command", fast, full)),
+            "basilisk_command": ("seconds", partial(_basilisk_command, theirs, full)),
         }
         if not importlib.util.find_spec("libcosimpy"):
             del tools["libcosim_native"]
@@ -650,7 +650,7 @@ def draws_over_cores(scenario: str, count: int, rounds: int = 3) -> dict[str, An
     processor time (s), and how many cores were at work, medians."""
     taken: dict[int, list[tuple[float, float]]] = {1: [], 2: []}
     for _ in track(range(rounds), "draws", disable=not sys.stderr.isatty()):
-        for jobs, kept in taken.items():
+        for jobs, saved in taken.items():
             before, began = os.times(), time.perf_counter()
             command = [
                 sys.executable,
@@ -669,13 +669,13 @@ def draws_over_cores(scenario: str, count: int, rounds: int = 3) -> dict[str, An
                 )
             wall, after = time.perf_counter() - began, os.times()
             used = after.children_user + after.children_system
-            kept.append((wall, used - before.children_user - before.children_system))
+            saved.append((wall, used - before.children_user - before.children_system))
     return {
         f"jobs_{jobs}": {
-            "seconds": round(statistics.median(w for w, _ in kept), 1),
-            "cores": round(statistics.median(c / w for w, c in kept), 2),
+            "seconds": round(statistics.median(w for w, _ in saved), 1),
+            "cores": round(statistics.median(c / w for w, c in saved), 2),
         }
-        for jobs, kept in taken.items()
+        for jobs, saved in taken.items()
     } | {
         "times_as_fast": round(
             statistics.median(

@@ -67,7 +67,7 @@ def _case(target: str, options: Options, seed: int) -> Case:
     return Case(target, options, builder.place, builder.check())
 
 
-def made(way: dict[str, Any]) -> dict[str, Any]:
+def make(way: dict[str, Any]) -> dict[str, Any]:
     """A day: the sha256 of all that was recorded, how many values, and how long it
     took."""
     options = Options(**way.get("options", {}))
@@ -105,13 +105,13 @@ def apart(way: dict[str, Any]) -> dict[str, Any]:
     environment = {**os.environ, "PYTHONHASHSEED": way.get("hash_seed", "1")}
     command = [sys.executable, "-m", "benchmarks.same_bits", json.dumps(way)]
     spin = [sys.executable, "-c", "while True: pass"]
-    beside = [subprocess.Popen(spin) for _ in range(2 if way.get("busy") else 0)]
+    neighbour = [subprocess.Popen(spin) for _ in range(2 if way.get("busy") else 0)]
     try:
         done = subprocess.run(
             command, env=environment, stdout=subprocess.PIPE, check=True
         )
     finally:
-        for process in beside:
+        for process in neighbour:
             process.kill()
             process.wait()
     found: dict[str, Any] = json.loads(done.stdout)
@@ -144,14 +144,14 @@ def differing(
 
 def main() -> int:
     """All ways, or those that the command line names; a way as JSON is made here."""
-    keep, given = seen.asked(), sys.argv[1:]
-    if given and given[0].startswith("{"):
-        print(json.dumps(made(json.loads(given[0]))))
+    keep, arguments = seen.is_writing(), sys.argv[1:]
+    if arguments and arguments[0].startswith("{"):
+        print(json.dumps(make(json.loads(arguments[0]))))
         return 0
     more = {}
-    if given[:1] == ["--of"]:
-        more, given = {"of": given[1]}, given[2:]
-    return int(bool(differing({n: WAYS[n] for n in given or WAYS}, more, keep)))
+    if arguments[:1] == ["--of"]:
+        more, arguments = {"of": arguments[1]}, arguments[2:]
+    return int(bool(differing({n: WAYS[n] for n in arguments or WAYS}, more, keep)))
 
 
 if __name__ == "__main__":

@@ -61,13 +61,13 @@ def _master(components: int, wired: int | None = None) -> Master:
     return master
 
 
-def _seconds(master: Master, steps: int, kept: int | None = None) -> float:
+def _seconds(master: Master, steps: int, stored_values: int | None = None) -> float:
     """Processor seconds of so many further steps; recorded in a file with the outputs
     of so many components."""
     with TemporaryDirectory() as folder:
-        patterns = [f"m{i:04}.*" for i in range(kept or 0)]
+        patterns = [f"m{i:04}.*" for i in range(stored_values or 0)]
         file = Path(folder) / SERIES
-        recorder = None if kept is None else Recorder(file, master, patterns)
+        recorder = None if stored_values is None else Recorder(file, master, patterns)
         stepper, until = stepping(master, recorder), master.k + steps
         began = time.process_time()
         if recorder is None:
@@ -149,8 +149,8 @@ def measure() -> dict[str, Any]:
 def _draw(found: dict[str, Any]) -> None:
     fig = Figure(9.0, 2.6)
     for i, name in enumerate(("steps", "components", "connections", "recorded")):
-        left = 0.06 + 0.245 * i
-        ax = fig.add(left=left, right=1.0 - left - 0.185, top=0.1, bottom=0.2)
+        remaining = 0.06 + 0.245 * i
+        ax = fig.add(left=remaining, right=1.0 - remaining - 0.185, top=0.1, bottom=0.2)
         x, y = np.array(found[name]["rows"], dtype=float).T
         ax.plot(x / 1e6 if name == "steps" else x, y, COLOURS[i], marker=3.0)
         ax.size, ax.y.low = 75.0, 0.0

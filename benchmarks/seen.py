@@ -42,7 +42,7 @@ OF = "same bits of "
 """Of another scenario than that of the other parts."""
 
 
-def asked() -> bool:
+def is_writing() -> bool:
     """Whether what is found is to be kept; the command line has the word for it no
     more."""
     if found := "--keep" in sys.argv:
@@ -56,7 +56,7 @@ def known() -> Seen:
     return found
 
 
-def keep(of: str, part: str, what: dict[str, Any]) -> None:
+def keep(of: str, part: str, fault: dict[str, Any]) -> None:
     """Keep it, with the date and what else the machine did (its load average of a
     minute)."""
     about = {
@@ -65,7 +65,7 @@ def keep(of: str, part: str, what: dict[str, Any]) -> None:
     }
     with FileLock(FILE.with_suffix(".part")):
         seen = known()
-        seen.setdefault(of, {})[part] = {**what, **about}
+        seen.setdefault(of, {})[part] = {**fault, **about}
         write_json(FILE, dict(sorted(seen.items())))
 
 
@@ -76,7 +76,7 @@ def dates(parts: Parts) -> str:
 
 
 def _soak(parts: Parts) -> Iterator[str]:
-    for name, what in (
+    for name, subject in (
         ("native", "runs of native FMUs"),
         ("python", "runs of FMUs of Python"),
     ):
@@ -98,16 +98,17 @@ def _soak(parts: Parts) -> Iterator[str]:
             )
             more = ""
             if name == "python":
-                kept = (last["memory_kB"] - half["memory_kB"]) / (
+                saved = (last["memory_kB"] - half["memory_kB"]) / (
                     last["runs"] - half["runs"]
                 )
                 more = (
                     f"; {first['classes']} then {last['classes']} classes of FMUs. What grows, "
-                    f"{kept:.1f} kB a run of some ten FMUs in its second half, is pythonfmu's "
+                    f"{saved:.1f} kB a run of some ten FMUs in its second half, is pythonfmu's "
                     "library: it keeps the names of an instance's classes, twice"
                 )
-            yield f"- Soak, {last['runs']:,} {what} in one process: private memory " + (
-                f"{', '.join(memory)}; {held}{more} ({parts[name]['date']})."
+            yield (
+                f"- Soak, {last['runs']:,} {subject} in one process: private memory "
+                + (f"{', '.join(memory)}; {held}{more} ({parts[name]['date']}).")
             )
     if "steps" in parts:
         lines = parts["steps"]["lines"]
@@ -132,11 +133,11 @@ def _killed(parts: Parts) -> Iterator[str]:
     )
 
 
-def _same_bits(parts: Parts, what: str = "A day at nadir") -> Iterator[str]:
+def _same_bits(parts: Parts, fault: str = "A day at nadir") -> Iterator[str]:
     some = next(iter(parts.values()))
     different = [name for name, part in parts.items() if not part["equal"]]
     yield (
-        f"- {what}, {some['steps']:,} steps, {some['values']:,} values, the whole "
+        f"- {fault}, {some['steps']:,} steps, {some['values']:,} values, the whole "
         f"length, made anew in {len(parts)} {'way' if len(parts) == 1 else 'ways'}: "
         + "; ".join(f"{name} ({part['loop']} loop)" for name, part in parts.items())
         + (

@@ -78,12 +78,12 @@ def steps(count: int) -> Iterator[dict[str, int]]:
             target=execute, args=(LONG, options, place), daemon=True
         )
         thread.start()
-        part, said = place / "series.h5.part", 0
+        part, message = place / "series.h5.part", 0
         while thread.is_alive():
             time.sleep(0.2)
             size = part.stat().st_size if part.exists() else 0
-            if size >= said + ROW * count // 10:
-                said = size
+            if size >= message + ROW * count // 10:
+                message = size
                 yield {"MB_on_disk": size // 1_000_000, **used()}
         thread.join()
         with Results.open(place) as results:
@@ -92,16 +92,19 @@ def steps(count: int) -> Iterator[dict[str, int]]:
 
 def main() -> None:
     """As many as the command line says."""
-    keep, given = seen.asked(), sys.argv[1:]
-    if not given or given[0] not in COUNTS:
+    keep, arguments = seen.is_writing(), sys.argv[1:]
+    if not arguments or arguments[0] not in COUNTS:
         sys.exit(__doc__)
-    what, count = given[0], int(given[1]) if given[1:] else COUNTS[given[0]]
+    subject, count = (
+        arguments[0],
+        int(arguments[1]) if arguments[1:] else COUNTS[arguments[0]],
+    )
     lines = []
-    for line in steps(count) if what == "steps" else runs(count, cast(Any, what)):
+    for line in steps(count) if subject == "steps" else runs(count, cast(Any, subject)):
         print(line, flush=True)
         lines.append(line)
         if keep and len(lines) > 1:
-            seen.keep("soak", what, {"lines": lines})
+            seen.keep("soak", subject, {"lines": lines})
 
 
 if __name__ == "__main__":

@@ -70,7 +70,7 @@ def hashes(root: Path) -> dict[str, str]:
     }
 
 
-def made(
+def make(
     target: str, folder: Path, environment: dict[str, str], until: float | None
 ) -> float:
     """Run a target, which is killed after so many seconds; how long it took, negative
@@ -97,30 +97,30 @@ def tried(target: str, kills: int, seed: int, folder: Path) -> dict[str, Any]:
     """What is there when a target was killed so many times, and then ended."""
     chance, killed = random.Random(seed), list[float]()
     environment = copied(folder)
-    given = hashes(folder)
+    inputs = hashes(folder)
     while len(killed) < kills:
-        seconds = made(
+        seconds = make(
             target, folder, environment, chance.uniform(1.0, LONGEST[target])
         )
         if seconds > 0.0:  # it was quicker
             break
         killed.append(round(-seconds, 1))
         print(
-            f"killed after {killed[-1]} s; {len(hashes(folder)) - len(given)} files",
+            f"killed after {killed[-1]} s; {len(hashes(folder)) - len(inputs)} files",
             flush=True,
         )
-    made(target, folder, environment, None)
+    make(target, folder, environment, None)
     broken = hashes(folder)
-    for path in broken.keys() - given.keys():
+    for path in broken.keys() - inputs.keys():
         (folder / path).unlink()
-    seconds = made(target, folder, environment, None)
-    whole = hashes(folder)
-    names = sorted(broken.keys() | whole.keys())
+    seconds = make(target, folder, environment, None)
+    full = hashes(folder)
+    names = sorted(broken.keys() | full.keys())
     return {
         "killed_after": killed,
-        "files": len(whole.keys() - given.keys()),
+        "files": len(full.keys() - inputs.keys()),
         "different": [
-            n for n in names if ".part" not in n and broken.get(n) != whole.get(n)
+            n for n in names if ".part" not in n and broken.get(n) != full.get(n)
         ],
         "parts": [n for n in names if ".part" in n],
         "seconds": round(seconds, 1),
@@ -129,12 +129,12 @@ def tried(target: str, kills: int, seed: int, folder: Path) -> dict[str, Any]:
 
 def main() -> int:
     """One target; 1 where a file is another."""
-    keep = seen.asked()
+    keep = seen.is_writing()
     target, kills, seed = (*sys.argv[1:], *("demo", "6", "1")[len(sys.argv) - 1 :])[:3]
     with tempfile.TemporaryDirectory() as folder:
         found = tried(target, int(kills), int(seed), Path(folder))
-    for name, what in found.items():
-        print(f"{name}: {what}")
+    for name, subject in found.items():
+        print(f"{name}: {subject}")
     if keep:
         seen.keep("targets", target, found)
     return int(bool(found["different"]))

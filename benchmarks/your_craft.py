@@ -108,7 +108,7 @@ def ran(command: list[str], folder: Path) -> tuple[str, float]:
     return done.stdout, cpu
 
 
-def told(command: list[str], text: str, folder: Path) -> str:
+def answer_of(command: list[str], text: str, folder: Path) -> str:
     """What of a command's output answers."""
     if command[0] == "size":
         return text.partition("\n\n")[0]
@@ -167,15 +167,15 @@ def main() -> int:
         with tempfile.TemporaryDirectory() as text:
             folder = Path(text)
             first = ["new", "craft", name, *shlex.split(options)]
-            every, whole = [first, *commands], 0.0
+            every, full = [first, *commands], 0.0
             parts.append(f"## {title}\n\n{len(every)} lines are typed.\n")
             for command in every:
                 out, cpu = ran(command, folder)
-                whole += cpu
+                full += cpu
                 answer = (
                     out.splitlines()[0]
                     if command is first
-                    else told(command, out, folder)
+                    else answer_of(command, out, folder)
                 )
                 line = (
                     f"new craft {name} {options}"
@@ -196,7 +196,7 @@ def main() -> int:
                         file = DOCS / f"your-craft-{name}-{plot}.svg"
                         file.write_text(drawn(name, folder, plot), encoding="utf-8")
                         parts.append(f"![{plot} over the run]({file.name})\n")
-            parts.append(f"All of it took {whole:.0f} s of CPU.\n")
+            parts.append(f"All of it took {full:.0f} s of CPU.\n")
     (DOCS / "your-craft.md").write_text("\n".join(parts), encoding="utf-8")
     return 0
 

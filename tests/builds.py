@@ -57,7 +57,7 @@ def prepared(kind: str) -> None:
         os.environ.setdefault("CC", ZIG)
         compiler.cache_clear()
         return
-    asked = subprocess.run(
+    process = subprocess.run(
         [*compiler(), "-print-file-name=libasan.so"],
         capture_output=True,
         text=True,
@@ -65,7 +65,7 @@ def prepared(kind: str) -> None:
     )
     if "LD_PRELOAD" not in os.environ:
         options = {
-            "LD_PRELOAD": asked.stdout.strip(),
+            "LD_PRELOAD": process.stdout.strip(),
             "ASAN_OPTIONS": "detect_leaks=0",
             "UBSAN_OPTIONS": "print_stacktrace=1",
         }
@@ -132,11 +132,11 @@ def main(kind: str, *scenarios: str) -> int:
             (folder / path.name).symlink_to(path)
         usual = test_native.path
 
-        def path(name: str, which: str = "native") -> Path:
+        def path(name: str, variant: str = "native") -> Path:
             return (
                 folder / "native" / f"{name}.fmu"
-                if which == kind
-                else usual(name, which)
+                if variant == kind
+                else usual(name, variant)
             )
 
         test_native.path = path

@@ -48,9 +48,11 @@ TESTS_OF = {
     "web": ("web",),
 }
 ABSENT = [
-    room for room in TESTS_OF if importlib.util.find_spec(f"desat.{room}") is None
+    package
+    for package in TESTS_OF
+    if importlib.util.find_spec(f"desat.{package}") is None
 ]
-collect_ignore = [f"test_{name}.py" for room in ABSENT for name in TESTS_OF[room]]
+collect_ignore = [f"test_{name}.py" for package in ABSENT for name in TESTS_OF[package]]
 
 
 class AbsentModule:
@@ -69,7 +71,7 @@ def module_of(name: str) -> Any:
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
-        if error.name not in [f"desat.{room}" for room in ABSENT]:
+        if error.name not in [f"desat.{package}" for package in ABSENT]:
             raise
         return AbsentModule(error.name)
 
@@ -82,13 +84,13 @@ def _fmus_are_built() -> None:
 
 def started(name: str, **values: object):
     """A bare block with these values, checked and started."""
-    made = registry.block_class(name)()
+    block = registry.block_class(name)()
     for key, value in values.items():
-        assert hasattr(made, key), key
-        setattr(made, key, value)
-    made.check()
-    made.start()
-    return made
+        assert hasattr(block, key), key
+        setattr(block, key, value)
+    block.check()
+    block.start()
+    return block
 
 
 # --- a browser ------------------------------------------------------------------------
@@ -108,13 +110,13 @@ def browser():
     if CHROMIUM is None:
         pytest.skip("no Chromium")
     with api.sync_playwright() as started:
-        made = started.chromium.launch(
+        result = started.chromium.launch(
             executable_path=CHROMIUM,
             timeout=30_000,
             args=["--no-sandbox", "--headless", "--lang=en-US"],
         )
-        yield made
-        made.close()
+        yield result
+        result.close()
 
 
 def wait_until(tab: Any, expression: str, seconds: float = 20.0) -> None:
@@ -139,24 +141,24 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Say whether the tests in a browser ran, and which tests did not for want of a
     room."""
-    for room in ABSENT:
-        files = ", ".join(f"test_{name}.py" for name in TESTS_OF[room])
-        terminalreporter.write_line(f"desat.{room} is absent: not run: {files}")
+    for package in ABSENT:
+        files = ", ".join(f"test_{name}.py" for name in TESTS_OF[package])
+        terminalreporter.write_line(f"desat.{package} is absent: not run: {files}")
     reports = {
-        how: [
+        way: [
             report
-            for report in terminalreporter.getreports(how)
+            for report in terminalreporter.getreports(way)
             if "in_browser"
             in getattr(report, "keywords", ())  # of a file that is left out: none
         ]
-        for how in ("passed", "failed", "skipped")
+        for way in ("passed", "failed", "skipped")
     }
     ran = sum(r.when == "call" for r in [*reports["passed"], *reports["failed"]])
     if ran:
         terminalreporter.write_line(f"tests in a browser: {ran} ran ({CHROMIUM})")
     elif reports["skipped"]:
-        why = reports["skipped"][0].longrepr
-        text = why[2] if isinstance(why, tuple) else str(why)
+        reason = reports["skipped"][0].longrepr
+        text = reason[2] if isinstance(reason, tuple) else str(reason)
         terminalreporter.write_line(f"tests in a browser: DID NOT RUN: {text}")
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
-from test_failures import HOW, compiled, drawn_to_fail  # noqa: E402
+from test_failures import FAILURES, compiled, drawn_to_fail  # noqa: E402
 
 from benchmarks import seen  # noqa: E402
 from desat.campaign import coordinator, store  # noqa: E402
@@ -25,13 +25,13 @@ from desat.runs.run import Options  # noqa: E402
 WAYS = ["NOTHING"] * 989 + ["SEGFAULT"] * 10 + ["HANG"]
 LIMIT = 2.0
 """Seconds that a case may take."""
-SAID = {
+MESSAGES = {
     "SEGFAULT": "ended its process: SIGSEGV",
     "HANG": f"did not return within {LIMIT:g} s",
 }
 
 
-def flown(folder: Path, cases: int) -> dict[str, object]:
+def fly(folder: Path, cases: int) -> dict[str, object]:
     """Make the campaign; what became of its cases."""
     system = drawn_to_fail(folder / "s", compiled(folder), WAYS)
     plan, _ = coordinator.planned(system, cases, options=Options(step=1.0), limit=LIMIT)
@@ -39,12 +39,12 @@ def flown(folder: Path, cases: int) -> dict[str, object]:
     coordinator.run(plan, folder / "campaign", 2, progress=False)
     seconds = time.monotonic() - began
     rows = store.read(folder / "campaign").to_pylist()
-    drawn = Counter(HOW[r["in.bad.how"]] for r in rows)
+    drawn = Counter(FAILURES[r["in.bad.how"]] for r in rows)
     wrong = [
         r["case"]
         for r in rows
-        if (r["status"] == "completed") != (HOW[r["in.bad.how"]] == "NOTHING")
-        or SAID.get(HOW[r["in.bad.how"]], "") not in r["message"]
+        if (r["status"] == "completed") != (FAILURES[r["in.bad.how"]] == "NOTHING")
+        or MESSAGES.get(FAILURES[r["in.bad.how"]], "") not in r["message"]
     ]
     return {
         "cases": cases,
@@ -58,9 +58,9 @@ def flown(folder: Path, cases: int) -> dict[str, object]:
 
 def main() -> int:
     """1 where a case is missing, twice, or says something else."""
-    keep = seen.asked()
+    keep = seen.is_writing()
     with tempfile.TemporaryDirectory() as folder:
-        found = flown(Path(folder), int(sys.argv[1]) if sys.argv[1:] else 3000)
+        found = fly(Path(folder), int(sys.argv[1]) if sys.argv[1:] else 3000)
     print(found)
     if keep:
         seen.keep("misbehaving", "pool", found)

@@ -206,7 +206,7 @@ class Part:
 
     title: str
     folders: tuple[str, ...]
-    left: frozenset[str]
+    left_out: frozenset[str]
     """Files of tests that do not run."""
     sample: int | None = SAMPLE
     functions: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
@@ -223,8 +223,8 @@ class Part:
 
 
 ROOMS = tuple(
-    f"orchestrator/{room}"
-    for room in ("system", "engine", "numbers", "analyses", "runs", "campaign")
+    f"orchestrator/{package}"
+    for package in ("system", "engine", "numbers", "analyses", "runs", "campaign")
 )
 PARTS = {
     "components": Part(
@@ -259,10 +259,10 @@ def copied(folder: Path, empty: bool) -> Path:
             shutil.copy2(file, old)
             (folder / f"map.{file.stem[5:]}.json").unlink(missing_ok=True)
     if not tree.exists():
-        given = subprocess.run(
+        process = subprocess.run(
             ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True
         )
-        for name in given.stdout.decode().split("\0"):
+        for name in process.stdout.decode().split("\0"):
             if name and (ROOT / name).is_file():
                 (tree / name).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy2(ROOT / name, tree / name)
@@ -302,13 +302,13 @@ class Lines:
         self.cov.start()
         ours, end = os.getpid(), os._exit
 
-        def told(code: int) -> None:  # a run is in a fork, which ends without more
+        def exit_with(code: int) -> None:  # a run is in a fork, which ends without more
             if os.getpid() != ours:
                 text = json.dumps(self.found())
                 (self.children / f"{os.getpid()}.json").write_text(text)
             end(code)
 
-        os._exit = told  # type: ignore[assignment]
+        os._exit = exit_with  # type: ignore[assignment]
 
     def pytest_runtest_protocol(self, item: Any) -> None:
         self.cov.switch_context(item.nodeid)
@@ -344,44 +344,44 @@ def mapped(tree: Path, folder: Path, part: Part, until: float) -> bool:
     files = [
         p
         for p in sorted((tree / "tests").glob("test_*.py"))
-        if p.stem[5:] not in part.left
+        if p.stem[5:] not in part.left_out
     ]
     for file in files:
-        kept = folder / f"map.{file.stem[5:]}.json"
-        if kept.exists():
+        saved = folder / f"map.{file.stem[5:]}.json"
+        if saved.exists():
             continue
         if time.time() > until:
             return False
         for _ in range(2):  # the limit of a test may end it where coverage holds a lock
             if (pid := os.fork()) == 0:
                 _quiet(folder / f"map.{file.stem[5:]}.log", 240)
-                os._exit(_map_file(tree, part, file, kept))
+                os._exit(_map_file(tree, part, file, saved))
             if waited(pid, 400.0) is not None:
                 break
-        if not kept.exists():
-            kept.write_text("{}")
+        if not saved.exists():
+            saved.write_text("{}")
         print(
-            f"{file.stem}: {len(json.loads(kept.read_text()))} quick tests", flush=True
+            f"{file.stem}: {len(json.loads(saved.read_text()))} quick tests", flush=True
         )
     return True
 
 
-def _map_file(tree: Path, part: Part, file: Path, kept: Path) -> int:
+def _map_file(tree: Path, part: Part, file: Path, stored_values: Path) -> int:
     import pytest
 
-    children = kept.with_suffix(".forked")
+    children = stored_values.with_suffix(".forked")
     plugin = Lines(tree, part, children)
     code = pytest.main([*QUIET, str(file)], plugins=[plugin])
     ran = {tuple(x) for x in plugin.found()}
-    for told in children.glob("*.json"):
-        ran |= {tuple(x) for x in json.loads(told.read_text())}
+    for answer in children.glob("*.json"):
+        ran |= {tuple(x) for x in json.loads(answer.read_text())}
     shutil.rmtree(children)
     lines: dict[str, dict[str, list[int]]] = {}
     for test, name, line in sorted(ran):
         if test in plugin.passed:
             lines.setdefault(test, {}).setdefault(name, []).append(line)
     found = {t: {"s": plugin.seconds[t], "lines": v} for t, v in lines.items()}
-    kept.write_text(json.dumps(found))
+    stored_values.write_text(json.dumps(found))
     return int(code)
 
 
@@ -454,8 +454,8 @@ def listed(tree: Path, part: Part) -> list[tuple[str, int, str, int]]:
         has = {
             name for name, *_ in places_of((tree / "orchestrator" / file).read_text())
         }
-        if lost := set(names) - has:
-            raise ValueError(f"{file} has no {', '.join(sorted(lost))}")
+        if missing := set(names) - has:
+            raise ValueError(f"{file} has no {', '.join(sorted(missing))}")
     found = []
     for path in sorted(p for f in part.folders for p in (tree / f).rglob("*.py")):
         text, file = path.read_text(encoding="utf-8"), str(path.relative_to(tree))
@@ -520,18 +520,18 @@ def renewed(tree: Path, part: Part, old: dict[str, Any]) -> dict[str, Any]:
         (tree / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(path, tree / name)
     of = ("file", "operator", "was", "is")
-    new, kept = drawn(tree, part), {}
+    new, stored_samples = drawn(tree, part), {}
     for m in old["mutations"]:
-        kept.setdefault(tuple(m[k] for k in of), []).append(m)
+        stored_samples.setdefault(tuple(m[k] for k in of), []).append(m)
     for m in new["mutations"]:
-        known = (kept.get(tuple(m[k] for k in of)) or [{}]).pop(0)
+        known = (stored_samples.get(tuple(m[k] for k in of)) or [{}]).pop(0)
         text = (tree / m["file"]).read_text()
         around = [(a, b) for _, a, b in places_of(text) if a <= m["line"] <= b]
         a, b = max(around, default=(1, -1))  # the innermost; else the file
         same = "\n".join(text.split("\n")[a - 1 : b]) in before[m["file"]]
         ended = {"tests", "all", "outcome", "by"} if same else set()
-        said = {"equivalent", "why", "also", "added"}
-        m.update({k: v for k, v in known.items() if k in said | ended})
+        stated = {"equivalent", "why", "also", "added"}
+        m.update({k: v for k, v in known.items() if k in stated | ended})
     return {**new, **{k: old[k] for k in ("controls", "date", "versions") if k in old}}
 
 
@@ -580,9 +580,13 @@ def chosen(
             ):
                 lines = set(range(node.lineno, (node.end_lineno or 0) + 1))
     runs = {t: set(x["lines"].get(m["file"], ())) for t, x in tests.items()}
-    names = [t for t, own in runs.items() if (own & lines if inside else own)]
+    names = [
+        t
+        for t, own_value in runs.items()
+        if (own_value & lines if inside else own_value)
+    ]
     if not names and not part.empty:  # a process that was killed, or not forked, ran it
-        inside, names = False, [t for t, own in runs.items() if own]
+        inside, names = False, [t for t, own_value in runs.items() if own_value]
     stem = Path(m["file"].removesuffix("/__init__.py")).stem
     subjects = {
         stem,
@@ -619,13 +623,13 @@ def chosen(
     files = (
         f
         for f in sorted((tree / "tests").glob("test_*.py"))
-        if f.stem[5:] not in part.left
+        if f.stem[5:] not in part.left_out
     )
-    whole = [
+    full = [
         f"tests/{f.name}" for f in files if named.search(f.read_text(encoding="utf-8"))
     ]
-    own = [x for x in out if x.partition("::")[0] not in whole]
-    return [PUBLISHED, *own, *whole]
+    own_value = [x for x in out if x.partition("::")[0] not in full]
+    return [PUBLISHED, *own_value, *full]
 
 
 @cache
@@ -748,10 +752,10 @@ def judged(
         if not ruled_out.get((m["file"], by)):
             return outcome, by
         if by not in names:  # of a whole file: without it
-            whole = by.partition("::")[0]
-            if whole not in names:
+            full = by.partition("::")[0]
+            if full not in names:
                 return f"{by} fails unmutated", ""
-            names.remove(whole)
+            names.remove(full)
 
 
 def failing(log: Path) -> str:
@@ -805,7 +809,9 @@ def section(part: Part, result: dict[str, Any]) -> list[str]:
     if part.sample is not None and part.functions:
         drawn += ", but for functions that decide a verdict, an exit code or a bound"
     versions = result.get("versions", {}).items()
-    told = f" ({', '.join(f'{name} {x}' for name, x in versions)})" if versions else ""
+    message = (
+        f" ({', '.join(f'{name} {x}' for name, x in versions)})" if versions else ""
+    )
     bare = "FMUs are empty meanwhile, so that no test fails because an FMU is of other code. "
     lines = [
         f"## Of {part.title}",
@@ -824,7 +830,7 @@ def section(part: Part, result: dict[str, Any]) -> list[str]:
             if n["ran"] < len(result["mutations"])
             else "all of them"
         )
-        + f" ran on {result['date']}{told}. {bare if part.empty else ''}"
+        + f" ran on {result['date']}{message}. {bare if part.empty else ''}"
         f"{once} of the open ones ran against {MOST} quick tests only, not yet against all. "
         f"{added} were not killed by any test and are now, by tests "
         "that were added for them. Controls, the same tests with nothing mutated: "
@@ -836,26 +842,26 @@ def section(part: Part, result: dict[str, Any]) -> list[str]:
         "|---|---|---|---|---|",
     ]
     for folder in sorted({m["file"].split("/")[1] for m in result["mutations"]}):
-        own = score(
+        own_value = score(
             {
                 "mutations": [
                     m for m in result["mutations"] if m["file"].split("/")[1] == folder
                 ]
             }
         )
-        if own["ran"]:
+        if own_value["ran"]:
             lines.append(
-                f"| {folder} | {own['ran']} | {own['killed']} | {own['equivalent']} "
-                f"| {len(own['open'])} |"
+                f"| {folder} | {own_value['ran']} | {own_value['killed']} | {own_value['equivalent']} "
+                f"| {len(own_value['open'])} |"
             )
-    for title, given in (
+    for title, inputs in (
         (
             "They change nothing that can be seen",
             [m for m in result["mutations"] if m.get("equivalent")],
         ),
         ("Open", n["open"]),
     ):
-        if given:
+        if inputs:
             lines += [
                 "",
                 f"### {title}",
@@ -863,11 +869,11 @@ def section(part: Part, result: dict[str, Any]) -> list[str]:
                 "| place | was | is | why |",
                 "|---|---|---|---|",
             ]
-        for m in given:
+        for m in inputs:
             was, new = (m[k].replace("|", "&#124;") for k in ("was", "is"))
-            why = m.get("equivalent") or m.get("why") or m["outcome"]
+            reason = m.get("equivalent") or m.get("why") or m["outcome"]
             place = f"{m['file'].partition('/')[2]} {m['line']}"
-            lines.append(f"| {place} | `{was}` | `{new}` | {why} |")
+            lines.append(f"| {place} | `{was}` | `{new}` | {reason} |")
     return [*lines, ""]
 
 
@@ -913,14 +919,14 @@ def main() -> int:
         "--all", action="store_true", help="survivors against all that run it"
     )
     parser.add_argument("--anew", action="store_true", help="draw of today's code")
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     signal.signal(
         signal.SIGTERM, lambda *_: sys.exit(143)
     )  # the mutated file is put back
     until, folder, part = (
-        time.time() + given.seconds,
-        given.folder.resolve(),
-        PARTS[given.part],
+        time.time() + arguments.seconds,
+        arguments.folder.resolve(),
+        PARTS[arguments.part],
     )
     folder.mkdir(parents=True, exist_ok=True)
     tree = copied(folder, part.empty)
@@ -929,26 +935,31 @@ def main() -> int:
     os.chdir(tree)
     sys.path[:0] = [str(tree / ".names"), str(tree), str(tree / "tests")]
     _warm()
-    result = _stored().get(given.part)
-    if result is None or given.anew:
+    result = _stored().get(arguments.part)
+    if result is None or arguments.anew:
         result = renewed(tree, part, result or {"mutations": []})
-    if given.seconds and not mapped(tree, folder, part, until):
+    if arguments.seconds and not mapped(tree, folder, part, until):
         return 0
     tests: dict[str, Any] = {}
     for file in sorted(folder.glob("map.*.json")):
         tests.update(json.loads(file.read_text()))
-    if given.seconds and not part.empty:
+    if arguments.seconds and not part.empty:
         _warm_ours(tree, part)
         gc.freeze()  # a fork need not copy what it would look through
     ruled_out: dict[tuple[str, str], bool] = {}
     kills = Counter((m["file"], m["by"]) for m in result["mutations"] if m.get("by"))
     for k, m in enumerate(result["mutations"]):
-        left = m.get("outcome", "") in ("survived", "no quick test runs it")
-        wanted = left and given.all and not (m.get("all") or m.get("equivalent"))
-        if time.time() > until or ("outcome" in m and not wanted):
+        remaining = m.get("outcome", "") in ("survived", "no quick test runs it")
+        expected = (
+            remaining and arguments.all and not (m.get("all") or m.get("equivalent"))
+        )
+        if time.time() > until or ("outcome" in m and not expected):
             continue
-        names = [*m.get("also", ()), *chosen(tree, part, m, tests, given.all, kills)]
-        m["tests"], m["all"] = len(names), given.all
+        names = [
+            *m.get("also", ()),
+            *chosen(tree, part, m, tests, arguments.all, kills),
+        ]
+        m["tests"], m["all"] = len(names), arguments.all
         mapped_as = (
             x["s"]
             for t, x in tests.items()
@@ -961,17 +972,19 @@ def main() -> int:
         kills[m["file"], m["by"]] += 1
         if names and k % 10 == 0:  # a control: the same tests, nothing mutated
             text = (tree / m["file"]).read_text(encoding="utf-8") + "\nCONTROL = 1\n"
-            kept = [n for n in names if not ruled_out.get((m["file"], n))]
-            ended = tried(tree, m, kept, folder / "log.c", text, limit)
+            saved = [n for n in names if not ruled_out.get((m["file"], n))]
+            ended = tried(tree, m, saved, folder / "log.c", text, limit)
             if ended != "survived":  # by which test, and whether it does so again
                 ended += f" by {failing(folder / 'log.c')}, then "
-                ended += tried(tree, m, kept, folder / "log.c", text, limit)
+                ended += tried(tree, m, saved, folder / "log.c", text, limit)
             result.setdefault("controls", {})[str(k)] = ended
         result["date"] = f"{datetime.now(UTC):%Y-%m-%d}"
         result["versions"] = _versions()
         STORED.parent.mkdir(exist_ok=True)
-        new = STORED.with_suffix(f".{given.part}")
-        new.write_text(json.dumps({**_stored(), given.part: result}, indent=1) + "\n")
+        new = STORED.with_suffix(f".{arguments.part}")
+        new.write_text(
+            json.dumps({**_stored(), arguments.part: result}, indent=1) + "\n"
+        )
         new.replace(STORED)
         print(k, m["file"], m["line"], m["outcome"], m["by"], flush=True)
     if any("outcome" in m for m in result["mutations"]):
@@ -1030,7 +1043,7 @@ def _warm_ours(tree: Path, part: Part) -> None:
         )
         importlib.import_module(f"desat.{name.removesuffix('.__init__')}")
     for path in sorted((tree / "tests").glob("test_*.py")):
-        if path.stem[5:] not in part.left:
+        if path.stem[5:] not in part.left_out:
             importlib.import_module(path.stem)
             OURS.append(path.stem)
     OURS.append("conftest")

@@ -28,7 +28,8 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
-from test_failures import HOW, compiled, fmu, ssd  # noqa: E402
+from test_failures import FAILURES as WAYS  # noqa: E402
+from test_failures import compiled, fmu, ssd  # noqa: E402
 
 from benchmarks import seen  # noqa: E402
 from benchmarks.seen import FAILURES  # noqa: E402
@@ -82,9 +83,9 @@ def packed(failure: str, folder: Path, binary: bytes) -> Path:
     """The system with the FMU that fails so, as .ssp."""
     fmu(folder / "resources/failing.fmu", binary)
     (folder / "SystemStructure.ssd").write_text(ssd())
-    given = Options(sets=[f"bad.how={HOW.index(failure)}"], step=1.0)
+    options = Options(sets=[f"bad.how={WAYS.index(failure)}"], step=1.0)
     path = folder / f"{failure}.ssp"
-    pack(prepare(str(folder), given).or_raise()[0], path)
+    pack(prepare(str(folder), options).or_raise()[0], path)
     return path
 
 
@@ -97,13 +98,13 @@ def through_proxy(path: Path, folder: Path) -> tuple[str, Path, dict[str, str]]:
         )  # it is looked for beside the interpreter
         (folder / program.name).chmod(0o755)
     system = folder / path.name
-    with zipfile.ZipFile(path) as given, zipfile.ZipFile(system, "w") as made:
-        for name in given.namelist():
-            data = given.read(name)
+    with zipfile.ZipFile(path) as original, zipfile.ZipFile(system, "w") as archive:
+        for name in original.namelist():
+            data = original.read(name)
             proxied = SOURCE.replace(
                 b"resources", b"proxyfmu://localhost?file=resources"
             )
-            made.writestr(
+            archive.writestr(
                 name, data.replace(SOURCE, proxied) if name.endswith(".ssd") else data
             )
     environment = {
@@ -184,10 +185,10 @@ def all_of(tool: str, failures: Iterable[str] = FAILURES) -> dict[str, dict[str,
     `refused` those of which it said that they failed, `wrong` those whose value is not
     that of their time."""
     found = {}
-    with tempfile.TemporaryDirectory() as made:
-        binary = compiled(Path(made))
+    with tempfile.TemporaryDirectory() as directory:
+        binary = compiled(Path(directory))
         for failure in failures:
-            folder = Path(made) / failure
+            folder = Path(directory) / failure
             folder.mkdir()
             found[failure] = outcome(tool, packed(failure, folder, binary), folder)
     return found
@@ -195,7 +196,7 @@ def all_of(tool: str, failures: Iterable[str] = FAILURES) -> dict[str, dict[str,
 
 def main() -> None:
     """All failures in all tools, or in those that are named."""
-    keep = seen.asked()
+    keep = seen.is_writing()
     for tool in sys.argv[1:] or PACKAGES:
         package = PACKAGES[tool]
         if importlib.util.find_spec(package) is None:

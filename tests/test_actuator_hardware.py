@@ -155,7 +155,7 @@ def test_current_is_there_when_the_supply_has_driven_it():
 
 
 @pytest.mark.parametrize(
-    ("parameters", "wanted", "share"),
+    ("parameters", "expected", "share"),
     [
         ({"temperature": 373.15}, 10.0, 1.0),
         (
@@ -175,11 +175,11 @@ def test_current_is_there_when_the_supply_has_driven_it():
         ),
     ],
 )
-def test_what_supply_and_temperature_hold(parameters, wanted, share):
+def test_what_supply_and_temperature_hold(parameters, expected, share):
     block = driven(**parameters)
-    block.m_cmd_body = (wanted, 0.0, 0.0)
+    block.m_cmd_body = (expected, 0.0, 0.0)
     run(block, 1.0, 20.0)
-    assert block.m_coil[0] == pytest.approx(wanted * share, rel=1e-12)
+    assert block.m_coil[0] == pytest.approx(expected * share, rel=1e-12)
     ohm = 40.0 * (1.0 + 0.00393 * (block.temperature - 293.15))
     assert block.power == pytest.approx(ohm * (block.m_coil[0] / 60.0) ** 2, rel=1e-12)
 
@@ -238,7 +238,7 @@ def test_small_steps_of_rods_add_up_to_large_ones(
 @pytest.mark.parametrize("drive", [LIMITED, PULSED])
 def test_a_turned_coil_is_turned_at_every_sample(drive, lag):
     """`failed_share` of a coil with lag: the same steps, the same dipole turned."""
-    made = []
+    results = []
     for share in (1.0, -1.0):
         block = begin(
             "torquers",
@@ -254,9 +254,9 @@ def test_a_turned_coil_is_turned_at_every_sample(drive, lag):
         for k in range(12):
             block.advance(0.5 * k, 0.5)
             row.append(moments_of(block))
-        made.append(np.array(row))
-    assert np.abs(made[0]).max() > 20.0
-    assert made[1] == pytest.approx(-made[0], abs=1e-12)
+        results.append(np.array(row))
+    assert np.abs(results[0]).max() > 20.0
+    assert results[1] == pytest.approx(-results[0], abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -276,11 +276,11 @@ def test_rods_that_cannot_be_are_refused(parameters, message):
 
 
 def test_a_supply_that_does_not_reach_the_limit_is_foreseen():
-    said = list(
+    messages = list(
         driven(supply_voltage=5.0).foresee(0.0, 10.0, frozenset({"m_cmd_body"}))
     )
     assert any(
-        "supply_voltage = 5 V holds 7.5 A m2 at 293.15 K" in line for line in said
+        "supply_voltage = 5 V holds 7.5 A m2 at 293.15 K" in line for line in messages
     )
     assert not list(driven().foresee(0.0, 10.0, frozenset({"m_cmd_body"})))
 
@@ -472,8 +472,8 @@ def test_a_motor_stays_at_the_speed_limit():
     block.tau_cmd_wheel = (-1e-3, 0.0, 0.0, 0.0)
     block.advance(10.0, 0.5)
     block.output(10.5)
-    lost = 0.5 * (1e-3 + 9e-5 + 200.0 / 500.0 * 6e-5)
-    assert block.h_wheel[0] == pytest.approx(J * 400.0 - lost, rel=1e-3)
+    loss = 0.5 * (1e-3 + 9e-5 + 200.0 / 500.0 * 6e-5)
+    assert block.h_wheel[0] == pytest.approx(J * 400.0 - loss, rel=1e-3)
 
 
 ROW = (0.0,) * 4
@@ -507,14 +507,15 @@ def test_motors_that_cannot_be_are_refused(parameters, message):
 
 def test_a_voltage_and_a_table_that_end_below_the_speed_limit_are_foreseen():
     one = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    given = {**MOTOR, **TABLE, "supply_voltage": 6.0, "axes_wheel": one}
-    block = begin("wheels_motor", **given)
-    said = list(block.foresee(0.0, 10.0, frozenset()))
+    values = {**MOTOR, **TABLE, "supply_voltage": 6.0, "axes_wheel": one}
+    block = begin("wheels_motor", **values)
+    messages = list(block.foresee(0.0, 10.0, frozenset()))
     assert any(
-        "supply_voltage = 6 V turns the wheels at 600 rad/s at most" in x for x in said
+        "supply_voltage = 6 V turns the wheels at 600 rad/s at most" in x
+        for x in messages
     )
     assert any(
-        "drag_speed ends at 700 rad/s, below speed_limit = 800" in x for x in said
+        "drag_speed ends at 700 rad/s, below speed_limit = 800" in x for x in messages
     )
 
 
@@ -537,14 +538,14 @@ def test_without_their_options_valves_are_nozzles():
         "schedule_nozzle": (0.0, 0.5, 0.0, 1.0) + (0.0,) * 60,
     }
     plain, other = begin("thrusters_nozzles", **same), begin("thrusters_valves", **same)
-    for k, wanted in enumerate(
+    for k, expected in enumerate(
         [(0.01, -0.02, 0.03), (-0.1, 0.0012, -0.04), (0.0, 0.02, 0.0)]
     ):
-        made = []
+        results = []
         for block in (plain, other):
-            block.tau_cmd_thruster_body = wanted
-            made.append(np.hstack(run(block, 0.5, 5.0 * (k + 1), 5.0 * k)))
-        assert made[1] == pytest.approx(made[0], rel=1e-12, abs=1e-13)
+            block.tau_cmd_thruster_body = expected
+            results.append(np.hstack(run(block, 0.5, 5.0 * (k + 1), 5.0 * k)))
+        assert results[1] == pytest.approx(results[0], rel=1e-12, abs=1e-13)
         for name in ("on_time", "propellant", "on_time_nozzle", "schedule_propellant"):
             assert getattr(other, name) == pytest.approx(
                 getattr(plain, name), rel=1e-13
@@ -580,13 +581,13 @@ def test_impulse_and_centre_of_a_pulse_with_edges(dt):
     rise=st.sampled_from([0.0, 0.03, 2.0]),
     decay=st.sampled_from([0.0, 0.05, 3.0]),
     stuck=st.integers(0, 6),
-    how=st.sampled_from([CLOSED, OPEN]),
+    way=st.sampled_from([CLOSED, OPEN]),
     since=st.floats(0, 30),
     known=st.booleans(),
     scatter=st.sampled_from([0.0, 0.1]),
 )
 def test_small_steps_of_valves_add_up_to_large_ones(
-    commands, count, rise, decay, stuck, how, since, known, scatter
+    commands, count, rise, decay, stuck, way, since, known, scatter
 ):
     found = []
     for dt in (10.0, 10.0 / count):
@@ -594,14 +595,14 @@ def test_small_steps_of_valves_add_up_to_large_ones(
             rise_time=rise,
             decay_time=decay,
             stuck_nozzle=stuck,
-            stuck=how,
+            stuck=way,
             stuck_from=since,
             impulse_scatter=scatter,
             failure_known=known,
         )
         row = []
-        for k, wanted in enumerate(commands):
-            block.tau_cmd_thruster_body = wanted
+        for k, expected in enumerate(commands):
+            block.tau_cmd_thruster_body = expected
             row += [*run(block, dt, 10.0 * (k + 1), 10.0 * k)]
         found.append(np.hstack([*row, block.on_time_nozzle, block.propellant]))
     assert found[1] == pytest.approx(found[0], rel=1e-9, abs=1e-10)
@@ -643,11 +644,11 @@ def test_scatter_is_of_each_pulse_and_has_its_deviation():
 
 def test_a_valve_stuck_closed_and_one_stuck_open():
     """Nozzle 1 is the one of +x: shut from 12.5 s on; or open from then on."""
-    wanted = (0.04 * 0.5, 0.0, 0.0)
-    for how, impulses in ((CLOSED, (5.0, 2.5, 0.0)), (OPEN, (5.0, 2.5 + 7.5, 10.0))):
-        block = valves(stuck_nozzle=1, stuck=how, stuck_from=12.5)
+    expected = (0.04 * 0.5, 0.0, 0.0)
+    for way, impulses in ((CLOSED, (5.0, 2.5, 0.0)), (OPEN, (5.0, 2.5 + 7.5, 10.0))):
+        block = valves(stuck_nozzle=1, stuck=way, stuck_from=12.5)
         for k, seconds in enumerate(impulses):
-            block.tau_cmd_thruster_body = wanted
+            block.tau_cmd_thruster_body = expected
             impulse, _ = run(block, 2.5, 10.0 * (k + 1), 10.0 * k)
             assert impulse == pytest.approx((0.04 * seconds, 0.0, 0.0), abs=1e-12)
         assert block.on_time == pytest.approx(sum(impulses), rel=1e-12)
@@ -679,8 +680,8 @@ def test_a_tank_blows_down_and_ends(dt):
     assert block.propellant == tank
     assert block.propellant_left == 0.0
     assert block.tau_mean_thruster_body == (0.0, 0.0, 0.0)
-    left = tank * (1.0 - share) * 9.80665 * 68.0 * 0.4
-    assert impulse == pytest.approx(left, rel=0.6 * dt / 10.0)
+    remaining = tank * (1.0 - share) * 9.80665 * 68.0 * 0.4
+    assert impulse == pytest.approx(remaining, rel=0.6 * dt / 10.0)
 
 
 @pytest.mark.parametrize(

@@ -289,12 +289,12 @@ def test_failed_coil(axes, known, lag):
         sample_time=1.0,
         lag=lag,
     )
-    block.m_cmd_body = wanted = np.array((5.0, -8.0, 3.0))
+    block.m_cmd_body = expected = np.array((5.0, -8.0, 3.0))
     alive = axes * [1, 0, 1, 1]
-    before = np.linalg.pinv(axes) @ wanted
+    before = np.linalg.pinv(axes) @ expected
     after = (
         np.linalg.pinv(alive) if known else np.diag([1, 0, 1, 1]) @ np.linalg.pinv(axes)
-    ) @ (wanted)
+    ) @ (expected)
     run(block, 0.5, 1.0)
     assert block.m_coil == pytest.approx(before)
     run(block, 0.5, 1.5, 1.0)
@@ -306,7 +306,7 @@ def test_failed_coil(axes, known, lag):
     assert block.m_coil == pytest.approx(after)
     assert block.m_mean_body == pytest.approx(axes @ after, abs=1e-12)
     if known and axes is SKEWED:
-        assert block.m_body == pytest.approx(wanted), "three of four still span space"
+        assert block.m_body == pytest.approx(expected), "three of four still span space"
 
 
 @given(st.integers(0, 10_000), st.integers(0, 3))

@@ -247,8 +247,8 @@ def test_overlaps_and_gains():
 
 def boom(name="manager_boom", **parameters):
     block = fresh(name)
-    given = {"sample_time": 10.0, **parameters}
-    for key, value in given.items():
+    values = {"sample_time": 10.0, **parameters}
+    for key, value in values.items():
         variable = next(v for v in block.variables if v.name == key)
         if variable.shape and len(value) < variable.size:
             value = (*value, *(0.0,) * (variable.size - len(value)))
@@ -338,7 +338,7 @@ def test_an_inverted_craft_is_turned_by_a_wheel_that_pumps():
 
 STALE = {"valid_b": NO_FIELD, "valid_q": NO_ATTITUDE, "valid_omega": NO_RATE}
 VALUES = {"valid_b": "b_body", "valid_q": "q_bi", "valid_omega": "omega_bi_body"}
-FLOWN = [
+SCENARIOS = [
     ("manager_boom", {"wheel": 2, "axes_wheel": ALONG_Z}),
     ("manager_boom", {"wheel": 1, "axes_wheel": ALONG_Y}),
     ("manager_boom", {"wheel": 0}),
@@ -346,29 +346,33 @@ FLOWN = [
 ]
 
 
-@pytest.mark.parametrize(("name", "parameters"), FLOWN)
-@pytest.mark.parametrize("lost", STALE)
-def test_what_is_lost_is_not_used_and_the_coils_are_off(name, parameters, lost):
+@pytest.mark.parametrize(("name", "parameters"), SCENARIOS)
+@pytest.mark.parametrize("missing", STALE)
+def test_what_is_lost_is_not_used_and_the_coils_are_off(name, parameters, missing):
     commands = []
     for stale in (math.nan, 1.0):
         block = step(boom(name, **parameters), h_wheel=(0.02, 0.03, -0.01, 0.0))
         assert any(block.m_cmd_body)
-        value = tuple(stale * x for x in getattr(block, VALUES[lost]))
-        step(block, 1, **{VALUES[lost]: value, lost: False})
+        value = tuple(stale * x for x in getattr(block, VALUES[missing]))
+        step(block, 1, **{VALUES[missing]: value, missing: False})
         commands.append(block.tau_cmd_wheel)
         assert not any(block.m_cmd_body)
-        assert block.reason == STALE[lost]
-        if lost == "valid_omega":
+        assert block.reason == STALE[missing]
+        if missing == "valid_omega":
             assert not any(block.tau_cmd_wheel)  # they keep their momentum
         elif parameters.get("wheel") != 0:
             assert any(block.tau_cmd_wheel)  # they hold the rate
-        step(block, 2, **{VALUES[lost]: tuple(x / stale for x in value), lost: True})
+        step(
+            block,
+            2,
+            **{VALUES[missing]: tuple(x / stale for x in value), missing: True},
+        )
         if not math.isnan(stale):
             assert any(block.m_cmd_body)
     assert commands[0] == commands[1]
 
 
-@pytest.mark.parametrize(("name", "parameters"), FLOWN)
+@pytest.mark.parametrize(("name", "parameters"), SCENARIOS)
 def test_a_momentum_that_is_not_valid_is_not_dumped(name, parameters):
     found = []
     for h in ((math.nan,) * 4, (0.09,) * 4):
@@ -380,12 +384,12 @@ def test_a_momentum_that_is_not_valid_is_not_dumped(name, parameters):
 
 
 def feed(**parameters):
-    given = {
+    values = {
         "schedule_start": (20.0, 60.0),
         "schedule_duration": (15.0, 15.0),
         "schedule_tau_body": (0.0, 1.5e-3, 1.5e-3, 0.0, 3e-3, 3e-3),
     }
-    block = boom("manager_boom_feedforward", **{**given, **parameters})
+    block = boom("manager_boom_feedforward", **{**values, **parameters})
     block.q_bi, block.omega_bi_body = (0.0, 0.0, 0.0, 1.0), (0.0, -N, 0.0)
     return block
 
@@ -448,9 +452,9 @@ def test_a_firing_teaches_of_the_next_in_proportion_to_its_size():
     truth = ((4e-4, 1.8e-3, 1.2e-3), (8e-4, 3.6e-3, 2.4e-3))
     learnt, dull = [], []
     for learning, into in ((True, learnt), (False, dull)):
-        given = {"learning": learning, "gain_dump": (0.0,) * 3}
-        given |= {"gain_lean": 0.0, "attitude_gain": 1.0}
-        block = feed(schedule_start=(20.0, 660.0), **given)
+        values = {"learning": learning, "gain_dump": (0.0,) * 3}
+        values |= {"gain_lean": 0.0, "attitude_gain": 1.0}
+        block = feed(schedule_start=(20.0, 660.0), **values)
         into += fly(block, truth, until=70)
         known = block.schedule_tau_body[3:6]
         missed = [
@@ -551,9 +555,9 @@ def test_table_5_as_printed_is_refused_by_name_and_the_resolved_one_is_named(tmp
     )
     text = "inertia[1,2] = 0 and inertia[2,1] = -0.25 kg m2: they must be equal"
     assert line.startswith(f"{file}: shared.inertia: spacecraft: {text}")
-    flown = find("alsat1/open-loop-z-products").content.written
-    assert tuple(np.ravel(flown["shared"]["inertia"])) == J
-    assert str(flown["shared"]["inertia"]) in flown["paper"]["pitch"]["remark"]
+    flight = find("alsat1/open-loop-z-products").content.written
+    assert tuple(np.ravel(flight["shared"]["inertia"])) == J
+    assert str(flight["shared"]["inertia"]) in flight["paper"]["pitch"]["remark"]
 
 
 def begin_with(name, parameters):
@@ -638,15 +642,15 @@ NEAR = [
 
 @cache
 def run(name, **options):
-    given = {"blocks": True, **options}
-    given["sets"] = list(given.get("sets", ()))
-    found = execute(f"alsat1/{name}", Options(**given))
+    run_options = {"blocks": True, **options}
+    run_options["sets"] = list(run_options.get("sets", ()))
+    found = execute(f"alsat1/{name}", Options(**run_options))
     assert found.ok, found.manifest["message"]
     return found
 
 
 @pytest.mark.parametrize(
-    ("name", "number", "wanted"),
+    ("name", "number", "expected"),
     [
         ("impulse", "yaw_rate", 0.516),
         ("y", "pitch", 9.7),
@@ -654,9 +658,9 @@ def run(name, **options):
         ("z", "pitch", 1.6),
     ],
 )
-def test_what_the_given_data_alone_decide(name, number, wanted):
+def test_what_the_given_data_alone_decide(name, number, expected):
     numbers = run(f"open-loop-{name}", record=RECORDED).manifest["numbers"]
-    assert numbers[number]["value"] == pytest.approx(wanted, rel=0.02)
+    assert numbers[number]["value"] == pytest.approx(expected, rel=0.02)
 
 
 RECORDED = (
@@ -708,8 +712,8 @@ def test_momentum_adds_up_and_the_impulse_of_a_firing_is_exact():
         "shared.schedule_duration=29.45,0,0,0,0,0,0,0",
     )
     found = run("firing-z-wheel", stop=140.0, sets=inside)
-    given = found.results.values("thrusters.tau_mean_thruster_body").sum(axis=0)
-    assert given == pytest.approx(
+    impulse = found.results.values("thrusters.tau_mean_thruster_body").sum(axis=0)
+    assert impulse == pytest.approx(
         [29.45 * x for x in (5e-6, 1.5e-3, 1.5e-3)], rel=1e-12
     )
     assert found.manifest["numbers"]["momentum_residual"]["value"] <= 1e-12 * 0.16
@@ -772,8 +776,8 @@ def test_another_manager_swaps_in_by_its_source():
     ]
     turned = [np.abs(rate[100:] - rate[99]).max() for rate in rates]
     assert turned[0] < 0.1 * turned[1]
-    (told,) = [w for w in swapped.manifest.warnings if "does not take" in w]
-    assert "manager_boom_feedforward does not take wheel, gain_dump, kp, kd" in told
+    (messages,) = [w for w in swapped.manifest.warnings if "does not take" in w]
+    assert "manager_boom_feedforward does not take wheel, gain_dump, kp, kd" in messages
 
 
 def test_schedules_that_differ_are_a_warning():
@@ -789,12 +793,12 @@ def test_schedules_that_differ_are_a_warning():
 
 
 def test_a_firing_that_lasts_beyond_the_run_is_said():
-    for stop, said in ((110.0, 1), (130.0, 0), (100.0, 0)):
+    for stop, message in ((110.0, 1), (130.0, 0), (100.0, 0)):
         case = prepare(
             "alsat1/firing-z-wheel", Options(blocks=True, stop=stop, sets=list(NEAR))
         )
         lines = [x for x in case.checked.warnings if "beyond the run's end" in x]
-        assert len(lines) == said
+        assert len(lines) == message
     text = r"thrusters.schedule_duration[1] = 30 s from 100 s on: it lasts beyond the run's end at"
     case = prepare(
         "alsat1/firing-z-wheel", Options(blocks=True, stop=110.0, sets=list(NEAR))

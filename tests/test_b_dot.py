@@ -10,7 +10,7 @@ import pytest
 from desat.components.blocks.manager_b_dot import ManagerBDot
 
 
-def made(**parameters: object) -> ManagerBDot:
+def manager_with(**parameters: object) -> ManagerBDot:
     block = ManagerBDot()
     for name, value in {"sample_time": 1.0, **parameters}.items():
         setattr(block, name, value)
@@ -19,7 +19,7 @@ def made(**parameters: object) -> ManagerBDot:
 
 
 def test_it_opposes_the_fields_rate() -> None:
-    block = made(gain=2e-2, m_limit=100.0)
+    block = manager_with(gain=2e-2, m_limit=100.0)
     block.b_body = (2e-5, 0.0, 1e-5)
     block.advance(0.0, 1.0)
     assert block.m_cmd_body == (0.0, 0.0, 0.0), "one sample has no rate"
@@ -34,7 +34,7 @@ def test_it_opposes_the_fields_rate() -> None:
 
 
 def test_a_sample_that_is_not_valid_gives_no_rate_to_the_next() -> None:
-    block = made()
+    block = manager_with()
     for t, valid in enumerate((True, False, True, True)):
         block.b_body, block.valid_b = (2e-5, 1e-7 * t, 1e-5), valid
         block.advance(float(t), 1.0)
@@ -45,7 +45,7 @@ def test_it_brakes_across_the_field_with_gain_over_inertia() -> None:
     """A body that turns across a field which stands still: omega falls as exp(-gain t /
     J)."""
     gain, inertia, omega, dt, size = 2e-3, 0.05, 0.02, 0.1, 3e-5
-    block = made(gain=gain, m_limit=1e3, sample_time=dt)
+    block = manager_with(gain=gain, m_limit=1e3, sample_time=dt)
     angle, rate, steps = 0.0, omega, 400
     for k in range(steps):
         b = (size * np.cos(angle), -size * np.sin(angle), 0.0)  # body turns about z

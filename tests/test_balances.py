@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_campaign_doubts import flown
+from test_campaign_doubts import fly
 from typer.testing import CliRunner
 
 from benchmarks.validation import calibration
@@ -25,13 +25,15 @@ from desat.engine.master import Master
 from desat.runs.run import Options, execute, resume
 from desat.system.errors import Exit
 
-MADE = set(energy.NUMBERS)
+BALANCES = set(energy.NUMBERS)
 
 
-def made(target: str, **options: object):
+def balances_of(target: str, **options: object):
     run = execute(target, Options(**options))
     assert run.ok, run.manifest["message"]
-    return {k: n["value"] for k, n in run.manifest["numbers"].items() if k in MADE}, run
+    return {
+        k: n["value"] for k, n in run.manifest["numbers"].items() if k in BALANCES
+    }, run
 
 
 def mine(folder: Path, text: str, base: str = "gyrostat/light") -> str:
@@ -65,8 +67,8 @@ def test_a_jet_that_spins_a_craft_up_is_not_met_until_it_errs_little():
     "options", [{"substeps": 2}, {"substeps": 8}, {"every": 3, "substeps": 1}], ids=str
 )
 def test_balances_are_made_for_every_inner_and_for_rows_left_out(options):
-    found, run = made("gyrostat/light", stop=100.0, **options)
-    assert set(found) == MADE
+    found, run = balances_of("gyrostat/light", stop=100.0, **options)
+    assert set(found) == BALANCES
     assert found["energy_mismatch"] < 1e-8
     assert found["impulse_mismatch"] < 1e-12
     assert run.manifest["unmet"] == []
@@ -75,13 +77,13 @@ def test_balances_are_made_for_every_inner_and_for_rows_left_out(options):
 
 def test_made_while_it_runs_they_have_the_values_of_the_rows(monkeypatch):
     """Where rows cannot serve, as with substeps."""
-    rows, run = made("gyrostat/pulses", substeps=1, stop=100.0)
+    rows, run = balances_of("gyrostat/pulses", substeps=1, stop=100.0)
     assert run.manifest["balance"] is None
     by_rows = energy.applies
     monkeypatch.setattr(energy, "applies", lambda s: replace(by_rows(s), rows=False))
-    along, run = made("gyrostat/pulses", substeps=1, stop=100.0)
+    along, run = balances_of("gyrostat/pulses", substeps=1, stop=100.0)
     assert run.manifest["balance"] is not None
-    for name in MADE:
+    for name in BALANCES:
         assert along[name] == pytest.approx(rows[name], rel=1e-12, abs=0.0)
 
 
@@ -91,14 +93,14 @@ def test_made_while_it_runs_they_have_the_values_of_the_rows(monkeypatch):
     ids=str,
 )
 def test_every_loop_makes_the_same_bits_of_them(options):
-    whole = made("gyrostat/pulses", stop=300.0)[0]
-    assert made("gyrostat/pulses", stop=300.0, **options)[0] == whole
+    full = balances_of("gyrostat/pulses", stop=300.0)[0]
+    assert balances_of("gyrostat/pulses", stop=300.0, **options)[0] == full
 
 
 @pytest.mark.parametrize("piece", [4096, 100])
 def test_they_go_on_from_a_checkpoint(tmp_path, monkeypatch, piece):
     monkeypatch.setattr(node, "PIECE", piece)
-    whole, _ = made("gyrostat/pulses", stop=80.0)
+    full, _ = balances_of("gyrostat/pulses", stop=80.0)
     monkeypatch.chdir(tmp_path)
     advance = Master.advance
 
@@ -113,18 +115,20 @@ def test_they_go_on_from_a_checkpoint(tmp_path, monkeypatch, piece):
         assert not execute("gyrostat/pulses", options, tmp_path / "run").ok
     gone_on = resume((tmp_path / "run").absolute())
     assert gone_on.ok
-    assert {k: gone_on.manifest["numbers"][k]["value"] for k in whole} == whole
+    assert {k: gone_on.manifest["numbers"][k]["value"] for k in full} == full
 
 
 @pytest.mark.parametrize("substeps", [1, 2])
 def test_a_run_of_before_is_still_shown(substeps):
     """Its manifest says less of where torques come from."""
     run = execute("gyrostat/light", Options(substeps=substeps, stop=20.0))
-    told = run.manifest.to_json()
+    answer = run.manifest.to_json()
     for name in ("rows", "why"):
-        del told["energy"][name]
+        del answer["energy"][name]
     run.results._computed.clear()
-    assert len(energy.figures(Manifest.from_json(told), run.results)) == (substeps == 1)
+    assert len(energy.figures(Manifest.from_json(answer), run.results)) == (
+        substeps == 1
+    )
 
 
 def test_a_run_that_fails_within_a_step_has_those_before(monkeypatch):
@@ -140,8 +144,8 @@ def test_a_run_that_fails_within_a_step_has_those_before(monkeypatch):
     monkeypatch.setattr(torquers.Torquers, "advance", failing)
     run = execute("gyrostat/light", Options(substeps=4, blocks=True))
     assert run.manifest["status"] == "failed"
-    found = {k: n["value"] for k, n in run.manifest["numbers"].items() if k in MADE}
-    assert set(found) == MADE
+    found = {k: n["value"] for k, n in run.manifest["numbers"].items() if k in BALANCES}
+    assert set(found) == BALANCES
     assert found["energy_mismatch"] < 1e-8
     assert found["impulse_mismatch"] < 1e-12
 
@@ -156,7 +160,7 @@ def test_a_run_that_fails_in_its_first_step_has_no_balance(monkeypatch):
     run = execute("gyrostat/light", Options(substeps=4, blocks=True))
     assert run.manifest["status"] == "failed"
     assert run.manifest["balance"] is None
-    assert not MADE & set(run.manifest["numbers"])
+    assert not BALANCES & set(run.manifest["numbers"])
 
 
 @pytest.mark.parametrize(
@@ -173,8 +177,8 @@ def test_they_are_made_where_components_are_slow(tmp_path, slow):
     text = "step = 0.2\nstop = 60.0\n[step_ratio]\n" + "\n".join(
         f"{k} = {n}" for k, n in slow.items()
     )
-    found, run = made(mine(tmp_path, text, "gyrostat/full"), blocks=True)
-    assert set(found) == MADE
+    found, run = balances_of(mine(tmp_path, text, "gyrostat/full"), blocks=True)
+    assert set(found) == BALANCES
     assert found["impulse_mismatch"] < 1e-12
     assert found["energy_mismatch"] < 1e-6
     assert run.manifest["not_checked"] == {}
@@ -184,11 +188,11 @@ def test_a_torque_that_a_body_computes_otherwise_shows_at_every_inner(monkeypatc
     from desat.components.physics import rigid_body
 
     monkeypatch.setattr(rigid_body, "MU", 1.001 * rigid_body.MU)
-    found, run = made("gyrostat/full", substeps=4, blocks=True, stop=300.0)
+    found, run = balances_of("gyrostat/full", substeps=4, blocks=True, stop=300.0)
     assert found["impulse_mismatch"] > 1e-7
     monkeypatch.undo()
     assert (
-        made("gyrostat/full", substeps=4, blocks=True, stop=300.0)[0][
+        balances_of("gyrostat/full", substeps=4, blocks=True, stop=300.0)[0][
             "impulse_mismatch"
         ]
         < 1e-12
@@ -197,13 +201,13 @@ def test_a_torque_that_a_body_computes_otherwise_shows_at_every_inner(monkeypatc
 
 
 @pytest.mark.parametrize(
-    ("options", "why", "names"),
+    ("options", "reason", "names"),
     [
-        ({"algorithm": "jacobi"}, "under jacobi torques act a step late", MADE),
+        ({"algorithm": "jacobi"}, "under jacobi torques act a step late", BALANCES),
         (
             {"record": ("spacecraft.*",)},
             "not recorded: wheels.h_wheel",
-            MADE | {"momentum_residual"},
+            BALANCES | {"momentum_residual"},
         ),
         (
             {"record": ("spacecraft.*", "wheels.*")},
@@ -214,22 +218,22 @@ def test_a_torque_that_a_body_computes_otherwise_shows_at_every_inner(monkeypatc
     ids=lambda o: str(sorted(o))[:30],
 )
 @pytest.mark.parametrize("substeps", [1, 2])
-def test_what_is_not_checked_is_said_with_why(options, why, names, substeps):
-    found, run = made("gyrostat/light", stop=5.0, substeps=substeps, **options)
-    told = {
+def test_what_is_not_checked_is_said_with_why(options, reason, names, substeps):
+    found, run = balances_of("gyrostat/light", stop=5.0, substeps=substeps, **options)
+    results = {
         k: x
         for k, x in run.manifest["not_checked"].items()
-        if k in MADE | {"momentum_residual"}
+        if k in BALANCES | {"momentum_residual"}
     }
     if substeps == 2 and "wheels.*" in str(
         options
     ):  # made while it runs: it needs no series for it
         names = set()
-    assert set(told) == names
+    assert set(results) == names
     assert not names & set(found)
-    assert all(why in text for text in told.values())
+    assert all(reason in text for text in results.values())
     lines = [w for w in run.manifest["warnings"] if w.startswith("not checked: ")]
-    assert all(any(n in line and why in line for line in lines) for n in names)
+    assert all(any(n in line and reason in line for line in lines) for n in names)
 
 
 def test_the_command_says_what_is_not_checked(tmp_path, monkeypatch):
@@ -259,7 +263,7 @@ def test_slow_wheels_are_said_before_the_run(tmp_path):
     target = mine(
         tmp_path, "step = 0.1\nstop = 5.0\n[step_ratio]\nwheels = 10\n", "gyrostat/full"
     )
-    _, run = made(target, blocks=True)
+    _, run = balances_of(target, blocks=True)
     line = "not checked: energy_mismatch, hidden_work, impulse_mismatch: wheels is slower than"
     assert sum(w.startswith(line) for w in run.manifest["warnings"]) == 1
     done = CliRunner().invoke(app_for([]), ["check", target], env={"COLUMNS": "300"})
@@ -277,8 +281,8 @@ def test_a_fixed_attitude_has_its_balance():
 
 @pytest.mark.parametrize("every", [2, 3])
 def test_a_fixed_attitude_whose_rows_are_left_out_has_the_balance_of_all(every):
-    name, whole = "uosat12/table3-ocdc-ilqr-1", Options(stop=60.0, blocks=True)
-    run, rows = execute(name, whole), execute(name, replace(whole, every=every))
+    name, full = "uosat12/table3-ocdc-ilqr-1", Options(stop=60.0, blocks=True)
+    run, rows = execute(name, full), execute(name, replace(full, every=every))
     assert run.manifest.numbers == rows.manifest.numbers
     assert "impulse_mismatch" in rows.manifest.numbers
     assert len(rows.results.times()) == -(-len(run.results.times()) // every)
@@ -313,10 +317,10 @@ JUDGED = range(500, 540)
 
 def test_the_bound_tells_craft_apart_that_it_has_not_seen():
     rows = calibration.at_random(JUDGED)
-    told = calibration.summed(rows)
-    assert told["good"] >= 15
-    assert told["bad"] >= 4
-    assert told["false_alarms"] == told["missed"] == 0
+    answer = calibration.summed(rows)
+    assert answer["good"] >= 15
+    assert answer["bad"] >= 4
+    assert answer["false_alarms"] == answer["missed"] == 0
     assert all(r.refused for r in rows if r.error > calibration.BAD)
 
 
@@ -334,9 +338,9 @@ unit = "rad/s"
 """
     target = mine(tmp_path, text)
     assert "energy_bound = 1e-30" in execute(target, Options()).manifest["unmet"][0]
-    told = report.summary(flown(target, tmp_path / "campaign")).to_json()
-    assert told["unmet"]
-    assert all("hidden_work" in line for line in told["unmet"])
+    summary_value = report.summary(fly(target, tmp_path / "campaign")).to_json()
+    assert summary_value["unmet"]
+    assert all("hidden_work" in line for line in summary_value["unmet"])
     rows = draws(target, 2, 1, Options(), jobs=1).to_json()["draws"]
     assert all(len(r["unmet"]) == 1 for r in rows)
     assert json.dumps(rows)

@@ -39,20 +39,20 @@ def stored(name: str) -> dict[str, NDArray[np.float64]]:
 def test_the_closed_loop_is_basilisks(name: str) -> None:
     """To three times what Basilisk's own extrapolation may err, with 64 substeps."""
     found = apart(stored(name), ours(name, None, CASES[name]))
-    for what, error in TOLD_OF["cases"][name]["error"].items():
-        assert found[what] <= min(3.0 * error, MOST.get(name, 1e-8)), what
+    for subject, error in TOLD_OF["cases"][name]["error"].items():
+        assert found[subject] <= min(3.0 * error, MOST.get(name, 1e-8)), subject
     assert TOLD_OF["cases"][name]["basilisk"]["0.1"]["attitude"] > found["attitude"]
 
 
 def test_the_difference_to_basilisks_own_laws_is_what_the_page_says() -> None:
     found = apart(stored(LAWS), ours(LAWS, None, CASES[LAWS]))
-    told = TOLD_OF["laws"]
-    assert found["attitude"] == pytest.approx(told["modules"]["attitude"], rel=1e-3)
-    assert found["momentum"] == pytest.approx(told["modules"]["momentum"], rel=1e-3)
+    answer = TOLD_OF["laws"]
+    assert found["attitude"] == pytest.approx(answer["modules"]["attitude"], rel=1e-3)
+    assert found["momentum"] == pytest.approx(answer["modules"]["momentum"], rel=1e-3)
     assert (
-        told["all_terms"]["attitude"]
+        answer["all_terms"]["attitude"]
         < 1e-13
-        < min(left["momentum"] for left in told["without"].values())
+        < min(remaining["momentum"] for remaining in answer["without"].values())
     )
 
 
@@ -61,14 +61,14 @@ def test_with_an_empty_null_space_ours_is_nearer() -> None:
     has, too."""
     run = desat.run(f"nadir_day/witness-{LAWS}", {"manager.null_gain": 1e-3})
     rows = {k: run.results.values(s)[:: CASES[LAWS]] for k, s in SERIES.items()}
-    told = TOLD_OF["laws"]["without"]
-    left = (
-        told["mrp"]["momentum"]
-        + told["gyroscopic"]["momentum"]
-        + told["relative"]["momentum"]
+    answer = TOLD_OF["laws"]["without"]
+    remaining = (
+        answer["mrp"]["momentum"]
+        + answer["gyroscopic"]["momentum"]
+        + answer["relative"]["momentum"]
     )
-    assert apart(stored(LAWS), rows)["momentum"] < 1.1 * left
-    assert left < 0.02 * TOLD_OF["laws"]["modules"]["momentum"]
+    assert apart(stored(LAWS), rows)["momentum"] < 1.1 * remaining
+    assert remaining < 0.02 * TOLD_OF["laws"]["modules"]["momentum"]
 
 
 def test_a_coil_that_is_off_by_a_thousandth_is_seen() -> None:

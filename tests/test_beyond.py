@@ -157,10 +157,10 @@ def test_a_plan_is_proved_by_its_price(seed):
     impulse, thrust, longest, dipole, other = programme(seed)
     plan = least_firing(impulse, thrust, longest, dipole)
     assert plan is not None
-    given = np.einsum("kp,kpj->j", plan.on_time, thrust) + np.einsum(
+    impulse_value = np.einsum("kp,kpj->j", plan.on_time, thrust) + np.einsum(
         "kc,kcj->j", plan.dipole, dipole
     )
-    assert given == pytest.approx(impulse, abs=1e-7)
+    assert impulse_value == pytest.approx(impulse, abs=1e-7)
     assert plan.on_time.min() >= 0.0
     assert np.all(plan.on_time <= longest[:, None] + 1e-9)
     assert np.abs(plan.dipole).max(initial=0.0) <= 1.0 + 1e-9
@@ -303,9 +303,9 @@ def test_no_law_beats_the_bound(method, h, phase, disturbance):
         ),
     )
     found = lower_bound.of_run(run.manifest, run.results)
-    left = np.abs(run.results.values("spacecraft.h_copy_wheel")[-1]).sum()
+    remaining = np.abs(run.results.values("spacecraft.h_copy_wheel")[-1]).sum()
     assert found.least_same_end <= found.seconds + PULSE
-    assert found.least <= found.seconds + left / 0.04 + PULSE
+    assert found.least <= found.seconds + remaining / 0.04 + PULSE
     if method == "receding_horizon":
         above = (
             1.01 if disturbance == 0.0 else 1.04
@@ -411,10 +411,10 @@ def as_cheap(goal, columns, cost, most) -> bool:
     dead=st.sampled_from([0, 1, 2, None]),
     zero=st.booleans(),
     size=st.sampled_from([0.0, 1e-3, 0.1, 1.0, 10.0, 60.0]),
-    kept=st.sampled_from([0.0, 8.0, 10.0]),
+    reserve=st.sampled_from([0.0, 8.0, 10.0]),
 )
 def test_a_plan_is_as_cheap_as_that_of_highs(
-    seed, n, turn, still, dead, zero, size, kept
+    seed, n, turn, still, dead, zero, size, reserve
 ):
     """With attitude and field that stand still, so that many plans cost the same, dead
     coils, goals along an axis, no goal, and goals that are too far."""
@@ -435,7 +435,7 @@ def test_a_plan_is_as_cheap_as_that_of_highs(
             (1e-5, 0.0, 0.0),
             limit,
             (0.04, 0.02, 0.04),
-            (10.0, kept),
+            (10.0, reserve),
             10.0,
         )
     )
@@ -499,8 +499,8 @@ def test_receding_horizon_stands_on_the_bound(case):
 
 CONDITIONS = [
     *(
-        ("robust", c, percent, left)
-        for c, percent, left in (
+        ("robust", c, percent, remaining)
+        for c, percent, remaining in (
             ("torque", 1.0, 0.004),
             ("noise", 1.0, 0.003),
             ("dead_known", 1.0, 0.002),
@@ -511,12 +511,12 @@ CONDITIONS = [
 ]
 
 
-@pytest.mark.parametrize(("file", "condition", "percent", "left"), CONDITIONS)
-def test_receding_horizon_with_something_wrong(file, condition, percent, left):
+@pytest.mark.parametrize(("file", "condition", "percent", "remaining"), CONDITIONS)
+def test_receding_horizon_with_something_wrong(file, condition, percent, remaining):
     run = execute(f"uosat12/{file}-receding_horizon-{condition}", Options(blocks=True))
     numbers = run.manifest["numbers"]
     assert numbers["above_bound"]["value"] <= percent
-    assert numbers["final_momentum"]["value"] <= left
+    assert numbers["final_momentum"]["value"] <= remaining
     assert modes(run) == {2}
 
 
@@ -532,10 +532,12 @@ def test_too_much_momentum_falls_back_and_says_so():
 
 
 @pytest.mark.parametrize(
-    ("cost", "doing", "left", "above"),
+    ("cost", "doing", "remaining", "above"),
     [(0.5, {2, 3}, 0.003, 0.01), (1e9, {2}, 0.002, 0.1)],
 )
-def test_near_the_most_that_can_be_dumped_the_reserve_is_used(cost, doing, left, above):
+def test_near_the_most_that_can_be_dumped_the_reserve_is_used(
+    cost, doing, remaining, above
+):
     """Kept while that is cheap, firing stands on the bound, and the last samples have
     no plan; kept at any price, each has one, for a twelfth more."""
     run = execute(
@@ -550,7 +552,7 @@ def test_near_the_most_that_can_be_dumped_the_reserve_is_used(cost, doing, left,
     )
     numbers = {k: n["value"] for k, n in run.manifest["numbers"].items()}
     assert modes(run) == doing
-    assert numbers["final_momentum"] <= left
+    assert numbers["final_momentum"] <= remaining
     assert numbers["firing_time"] <= (1.0 + above) * numbers["bound"]
     thrust = np.abs(run.results.values("manager.tau_cmd_thruster_body"))
     assert thrust.max() > 0.8 * 0.04 + 1e-9

@@ -53,7 +53,7 @@ def library(component, folder, inputs, outputs):
     assert sizes
     assert str(sizes[0]) in header.read_text()
     signals = component.interface.signals
-    given = [
+    values = [
         f"{place(component, signals[n])} = {str(v).lower() if isinstance(v, bool) else repr(v)};"
         for n, v in component.parameters.items()
     ]
@@ -65,13 +65,13 @@ def library(component, folder, inputs, outputs):
     (folder / "around.c").write_text(
         f'#include "{name}.h"\nstatic {name} it, *const s = &it;\n'
         f'void set(void) {{ {name}_init(s); s->instance = "{component.name}"; '
-        f"{' '.join(given)} }}\n"
+        f"{' '.join(values)} }}\n"
         f"void put(const double *x) {{ (void)x; {' '.join(put)} }}\n"
         f"void get(double *y) {{ (void)y; {' '.join(get)} }}\n"
         f"int start(double t) {{ return {name}_start(s, t); }}\n"
         f"int step(double t, double dt) {{ return {name}_step(s, t, dt); }}\n"
     )
-    made = folder / "it.so"
+    shared_library = folder / "it.so"
     subprocess.run(
         [
             *compiler(),
@@ -79,14 +79,14 @@ def library(component, folder, inputs, outputs):
             "-shared",
             "-fPIC",
             "-o",
-            str(made),
+            str(shared_library),
             str(source),
             str(folder / "around.c"),
             "-lm",
         ],
         check=True,
     )
-    loaded = ctypes.CDLL(str(made))
+    loaded = ctypes.CDLL(str(shared_library))
     loaded.start.argtypes, loaded.step.argtypes = (
         [ctypes.c_double],
         [ctypes.c_double] * 2,
@@ -95,7 +95,7 @@ def library(component, folder, inputs, outputs):
 
 
 @pytest.mark.parametrize(
-    ("target", "wanted"),
+    ("target", "expected"),
     [
         ("nadir_day/day-dipole", ""),
         ("uosat12/table3-ocdc-ilqr-1", "manager"),
@@ -104,7 +104,7 @@ def library(component, folder, inputs, outputs):
         ("space_telescope/ours-nominal", "manager"),
     ],
 )
-def test_it_replays_a_run_with_its_bits(tmp_path, target, wanted):
+def test_it_replays_a_run_with_its_bits(tmp_path, target, expected):
     """Fed with what was recorded of the run."""
     system, _ = prepare(target, Options()).or_raise()
     stop = system.start + min(STEPS, system.steps) * system.step
@@ -120,7 +120,7 @@ def test_it_replays_a_run_with_its_bits(tmp_path, target, wanted):
         return values if values.ndim == 1 else values[:, index]
 
     for component in system.components.values():
-        if wanted not in ("", component.name):
+        if expected not in ("", component.name):
             continue
         feeds = [c for c in system.connections if c.target == component.name]
         outputs = [s.name for s in component.interface.outputs if s.name != "fault"]
@@ -137,20 +137,20 @@ def test_it_replays_a_run_with_its_bits(tmp_path, target, wanted):
             if feeds
             else np.zeros((system.steps, 0))
         )
-        made = np.zeros((system.steps + 1, len(outputs)))
+        buffer = np.zeros((system.steps + 1, len(outputs)))
         it.set()
         for k in range(system.steps):
-            row, out = np.ascontiguousarray(rows[k]), made[k + 1]
+            row, out = np.ascontiguousarray(rows[k]), buffer[k + 1]
             it.put(ctypes.c_void_p(row.ctypes.data))
             if k == 0:
                 assert it.start(system.start) == 0
-                it.get(ctypes.c_void_p(made[0].ctypes.data))
+                it.get(ctypes.c_void_p(buffer[0].ctypes.data))
             assert it.step(system.start + k * system.step, system.step) == 0
             it.get(ctypes.c_void_p(out.ctypes.data))
         for i, name in enumerate(outputs):
             interval = schedule.classes[component.name, name] == "interval"
             there = series(component.name, name)
-            mine = made[1:, i] if interval else made[:, i]
+            mine = buffer[1:, i] if interval else buffer[:, i]
             # at the start a block has settled inputs, here those of the first step
             first = 0 if interval else 1
             assert np.array_equal(mine[first:], there[first : len(mine)]), (
@@ -158,7 +158,7 @@ def test_it_replays_a_run_with_its_bits(tmp_path, target, wanted):
                 name,
             )
             compared += len(mine)
-    assert compared > 1000 or wanted
+    assert compared > 1000 or expected
 
 
 @pytest.mark.parametrize("name", NATIVE)
@@ -167,7 +167,7 @@ def test_every_native_block_compiles_alone(tmp_path, name):
     files, _ = alone.alone(paths.fmus() / "native" / f"{name}.fmu")
     for file, text in files.items():
         (tmp_path / file).write_text(text)
-    made = tmp_path / "it.o"
+    result = tmp_path / "it.o"
     subprocess.run(
         [
             *compiler(),
@@ -175,17 +175,17 @@ def test_every_native_block_compiles_alone(tmp_path, name):
             "-O0",
             "-c",
             "-o",
-            str(made),
+            str(result),
             str(tmp_path / f"{name}.c"),
         ],
         check=True,
     )
     if (nm := shutil.which("nm")) is None:
         pytest.skip("there is no nm")
-    wanted = subprocess.run(
-        [nm, "-u", str(made)], capture_output=True, text=True, check=True
+    expected = subprocess.run(
+        [nm, "-u", str(result)], capture_output=True, text=True, check=True
     )
-    names = set(re.findall(r"U (\w+)", wanted.stdout))
+    names = set(re.findall(r"U (\w+)", expected.stdout))
     assert not names & {
         "malloc",
         "calloc",
@@ -201,8 +201,8 @@ def test_failures_come_back_as_numbers(tmp_path):
     system, _ = prepare("nadir_day/day-dipole", Options()).or_raise()
     manager = system.components["manager"]
     it = library(manager, tmp_path, ["b_body[1]"], ["fault"])
-    said = (tmp_path / "manager_cross_product.h").read_text()
-    kinds = re.findall(r"MANAGER_CROSS_PRODUCT_(\w+)", said.partition("enum {")[2])
+    message = (tmp_path / "manager_cross_product.h").read_text()
+    kinds = re.findall(r"MANAGER_CROSS_PRODUCT_(\w+)", message.partition("enum {")[2])
     x, y = np.array([np.nan]), np.zeros(1)
     it.set()
     assert it.start(0.0) == 0
@@ -226,15 +226,15 @@ def test_the_command_writes_a_law_of_ones_own(tmp_path, desat):
     done = desat(
         "export", "c", "mine.py", "--out", "c", "--json", cwd=tmp_path, check=True
     )
-    told = json.loads(done.stdout)
-    assert len(told["files"]) == 2
-    assert all((tmp_path / x).exists() for x in told["files"])
-    assert told["sizes"][0]["struct"] > 1000
-    assert told["sizes"][0]["stack"] > 100
+    answer = json.loads(done.stdout)
+    assert len(answer["files"]) == 2
+    assert all((tmp_path / x).exists() for x in answer["files"])
+    assert answer["sizes"][0]["struct"] > 1000
+    assert answer["sizes"][0]["stack"] > 100
 
 
 @pytest.mark.parametrize(
-    ("block", "compilers", "said"),
+    ("block", "compilers", "message"),
     [
         (
             "manager_bdot",
@@ -254,12 +254,12 @@ def test_the_command_writes_a_law_of_ones_own(tmp_path, desat):
         ("manager_b_dot", ["gcc -march=nothing"], "bad value"),
     ],
 )
-def test_what_cannot_be_written_is_a_line(tmp_path, block, compilers, said):
+def test_what_cannot_be_written_is_a_line(tmp_path, block, compilers, message):
     if compilers and compilers[0].startswith("gcc") and shutil.which("gcc") is None:
         pytest.skip("there is no gcc")
     with pytest.raises(DesatError) as error:
         export(block, tmp_path / "o", compilers)
-    assert said in str(error.value)
+    assert message in str(error.value)
     assert not (tmp_path / "o").exists()
 
 

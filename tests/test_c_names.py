@@ -54,9 +54,13 @@ def known_names(text: str) -> set[str]:
     return {x for x in found if x and not x.isdigit()}
 
 
-def foreign(text: str, own: str = "") -> list[str]:
+def foreign(text: str, own_scenario: str = "") -> list[str]:
     """The names without a prefix of ours, or the own one of a block that stands alone."""
-    mine = re.compile(rf"{own}(_|$)|{own.upper()}_") if own else None
+    mine = (
+        re.compile(rf"{own_scenario}(_|$)|{own_scenario.upper()}_")
+        if own_scenario
+        else None
+    )
     return sorted(
         n
         for n in known_names(text)
@@ -118,8 +122,8 @@ def test_names_of_a_block_alone_have_a_prefix(tmp_path):
 
 
 def test_names_of_a_loop_have_a_prefix(tmp_path):
-    made = export("integrated/mil-nadir", Options(), LoopEnds(), tmp_path / "x.fmu")
-    with zipfile.ZipFile(made) as archive:
+    exported = export("integrated/mil-nadir", Options(), LoopEnds(), tmp_path / "x.fmu")
+    with zipfile.ZipFile(exported) as archive:
         sources = [
             n
             for n in archive.namelist()

@@ -23,7 +23,7 @@ from conftest import but
 from dying import dies_or_not
 from scipy.special import ndtr
 from scipy.stats import spearmanr
-from test_failures import HOW, binary, drawn_to_fail  # noqa: F401
+from test_failures import FAILURES, binary, drawn_to_fail  # noqa: F401
 
 import desat
 from desat.campaign import case as case_module
@@ -54,7 +54,7 @@ signal = "spacecraft.omega_bi_body"
 measure = "norm_last"
 unit = "deg/s"
 """
-OWN = f"""{RATE}
+OWN_SCENARIO = f"""{RATE}
 [requirements.load]
 number = "coil_load"
 max = 1000.0
@@ -66,20 +66,20 @@ max = 2.0
 
 
 @pytest.fixture(scope="module")
-def own(tmp_path_factory) -> Path:
+def own_scenario(tmp_path_factory) -> Path:
     """A scenario file of a user's own."""
     path = tmp_path_factory.mktemp("own") / "mine.toml"
-    path.write_text(OWN)
+    path.write_text(OWN_SCENARIO)
     return path
 
 
 @pytest.fixture(scope="module")
-def whole(own, tmp_path_factory) -> Path:
+def full_campaign(own_scenario, tmp_path_factory) -> Path:
     """The folder of a campaign in one go, over two processes, made by a program."""
     folder = tmp_path_factory.mktemp("whole") / "campaign"
     keep = ["worst:1:coil_load", "every:150"]
-    made = desat.cases(own, COUNT, folder, keep=keep, jobs=2)
-    assert made["out.rate"].values.shape == (COUNT,)
+    result = desat.cases(own_scenario, COUNT, folder, keep=keep, jobs=2)
+    assert result["out.rate"].values.shape == (COUNT,)
     return folder
 
 
@@ -89,7 +89,7 @@ def whole(own, tmp_path_factory) -> Path:
 def test_processes_that_die_lose_their_calls_alone():
     tasks = [(n, (n,)) for n in range(12)]
     with Local(dies_or_not, 2, limit=3.0) as workers:
-        found = dict(results(workers, tasks, lambda key, why: ()))
+        found = dict(results(workers, tasks, lambda key, reason: ()))
     assert sorted(found) == list(range(12))
     for number, result in found.items():
         if number == 6:
@@ -102,7 +102,7 @@ def test_processes_that_die_lose_their_calls_alone():
 
 def test_a_process_that_ends_without_an_answer_is_lost():
     with Local(os._exit, 1, limit=3.0) as workers:
-        found = dict(results(workers, [(0, (0,))], lambda key, why: ()))
+        found = dict(results(workers, [(0, (0,))], lambda key, reason: ()))
     assert found == {0: NoResult("its process ended by exit(0)")}
 
 
@@ -149,15 +149,17 @@ def test_a_cut_normal_stays_within_and_leaves_the_other_draws_as_they_were(syste
     del written[name]["within"]
     free = copy.copy(system)
     free.about = but(system.about, dispersions=written)
-    cut, whole = ([draw_of(s, 1, i)[name] for i in range(100)] for s in (system, free))
-    changed = [i for i in range(100) if cut[i] != whole[i]]
-    assert changed == [i for i in range(100) if max(map(abs, whole[i])) > 0.02]
+    cut, full_campaign = (
+        [draw_of(s, 1, i)[name] for i in range(100)] for s in (system, free)
+    )
+    changed = [i for i in range(100) if cut[i] != full_campaign[i]]
+    assert changed == [i for i in range(100) if max(map(abs, full_campaign[i])) > 0.02]
     assert 33 in changed
     assert np.abs(cut).max() <= 0.02
 
 
 @pytest.mark.parametrize(
-    ("given", "share"),
+    ("values", "share"),
     [
         ("{ uniform = [0.5, 2.0] }", lambda x: (x - 0.5) / 1.5),
         ("{ normal = [3.0, 2.0] }", lambda x: ndtr((x - 3.0) / 2.0)),
@@ -168,11 +170,11 @@ def test_a_cut_normal_stays_within_and_leaves_the_other_draws_as_they_were(syste
         ("{ signs = [1.0, 2.0, 3.0, 4.0] }", None),
     ],
 )
-def test_a_sampling_draws_what_a_dispersion_says(tmp_path, given, share):
+def test_a_sampling_draws_what_a_dispersion_says(tmp_path, values, share):
     """One of 20 cases in each twentieth of the distribution; of signs, half of them."""
     path = tmp_path / "mine.toml"
     path.write_text(
-        f'extends = "gyrostat/light"\n[dispersions]\n"wheels.h_start_wheel" = {given}\n'
+        f'extends = "gyrostat/light"\n[dispersions]\n"wheels.h_start_wheel" = {values}\n'
     )
     draft = read_source(str(path)).to_draw(blocks=False)
     cases = [
@@ -202,48 +204,50 @@ def test_saltelli_has_its_own_counts():
 # --- rows -----------------------------------------------------------------------------
 
 
-def test_a_campaign_of_two_hundred(whole):
-    table = store.read(whole)
+def test_a_campaign_of_two_hundred(full_campaign):
+    table = store.read(full_campaign)
     assert table["case"].to_pylist() == list(range(COUNT))
     assert len(set(table["worker"].to_pylist())) == 2
     system = read_source(
-        str(json.loads((whole / "campaign.json").read_text())["target"])
+        str(json.loads((full_campaign / "campaign.json").read_text())["target"])
     ).to_draw(blocks=False)
     row = table.slice(77, 1).to_pylist()[0]
     assert (
         row["in.wheels.h_start_wheel[3]"]
         == draw_of(system, 1, 77)["wheels.h_start_wheel"][2]
     )
-    curves = store.read(whole, store.CURVES)
+    curves = store.read(full_campaign, store.CURVES)
     assert curves.num_rows == COUNT
-    assert coordinator.status(whole)["state"] == "done"
+    assert coordinator.status(full_campaign)["state"] == "done"
 
 
-def test_a_case_is_the_draw_of_the_same_number(whole, own, tmp_path):
+def test_a_case_is_the_draw_of_the_same_number(full_campaign, own_scenario, tmp_path):
     from desat.campaign.draws import one
 
     with pytest.raises(
         DesatError, match=r"mean_anomaly: it is sampled, and so never has this value"
     ):
-        desat.cases(own, 2, tmp_path / "c", {"environment.mean_anomaly": 1.0})
+        desat.cases(own_scenario, 2, tmp_path / "c", {"environment.mean_anomaly": 1.0})
 
-    again = one(read_source(str(own)), Options(), 1, 123)
-    row = store.read(whole).slice(123, 1).to_pylist()[0]
+    again = one(read_source(str(own_scenario)), Options(), 1, 123)
+    row = store.read(full_campaign).slice(123, 1).to_pylist()[0]
     assert {k[4:]: v for k, v in row.items() if k.startswith("out.")} == again.numbers
 
 
-def test_kept_cases_have_their_series(whole):
-    wanted = {0, 150, *coordinator.worst(whole, "coil_load", 1)}
-    assert {int(p.name) for p in (whole / "kept").iterdir()} == wanted
-    folder = coordinator.kept_in(whole, 150)
+def test_kept_cases_have_their_series(full_campaign):
+    expected = {0, 150, *coordinator.worst(full_campaign, "coil_load", 1)}
+    assert {int(p.name) for p in (full_campaign / "kept").iterdir()} == expected
+    folder = coordinator.kept_in(full_campaign, 150)
     assert (folder / "report.html").exists()
-    kept = json.loads((folder / "manifest.json").read_text())["numbers"]["coil_load"][
+    saved = json.loads((folder / "manifest.json").read_text())["numbers"]["coil_load"][
         "value"
     ]
-    assert kept == store.read(whole)["out.coil_load"][150].as_py()
+    assert saved == store.read(full_campaign)["out.coil_load"][150].as_py()
 
 
-def test_killed_head_and_killed_worker_lose_nothing(whole, own, tmp_path):
+def test_killed_head_and_killed_worker_lose_nothing(
+    full_campaign, own_scenario, tmp_path
+):
     """SIGKILL of a worker, then of the head, then once more to the end: the same data."""
     folder = tmp_path / "campaign"
     command = [
@@ -251,7 +255,7 @@ def test_killed_head_and_killed_worker_lose_nothing(whole, own, tmp_path):
         "-m",
         "desat.cli",
         "campaign",
-        str(own),
+        str(own_scenario),
         "-n",
         "80",
         "--jobs",
@@ -274,7 +278,7 @@ def test_killed_head_and_killed_worker_lose_nothing(whole, own, tmp_path):
     assert before < _rows(folder) < 80
     result = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert result.returncode in (Exit.UNMET, Exit.COMPONENT), result.stderr
-    _first_alike(folder, whole, 80)
+    _first_alike(folder, full_campaign, 80)
 
 
 def _rows(folder: Path) -> int:
@@ -309,20 +313,20 @@ def _there(pid: int) -> bool:
         return False
 
 
-def test_a_dask_cluster_gives_the_same(whole, own, tmp_path):
+def test_a_dask_cluster_gives_the_same(full_campaign, own_scenario, tmp_path):
     pytest.importorskip("distributed", reason="Dask is not installed")
     folder = tmp_path / "campaign"
     script = (
         f"from desat.campaign import coordinator as head\nfrom pathlib import Path\n"
         f"if __name__ == '__main__':\n"
-        f"    plan, _ = head.planned({str(own)!r}, 40)\n"
+        f"    plan, _ = head.planned({str(own_scenario)!r}, 40)\n"
         f"    where = Path({str(folder)!r})\n"
         f"    head.run(plan, where, cluster='local:2', progress=False)\n"
     )
     path = tmp_path / "run.py"
     path.write_text(script)
     subprocess.run([sys.executable, path], check=True, timeout=300, capture_output=True)
-    _first_alike(folder, whole, 40)
+    _first_alike(folder, full_campaign, 40)
 
 
 WORKER = """
@@ -339,10 +343,10 @@ main(sys.argv[3:])
 file."""
 
 
-def test_a_worker_says_why_it_cannot_make_the_cases(own):
+def test_a_worker_says_why_it_cannot_make_the_cases(own_scenario):
     from desat.campaign import cluster
 
-    plan, _ = coordinator.planned(str(own), 4)
+    plan, _ = coordinator.planned(str(own_scenario), 4)
     here = cluster.versions()
     assert cluster.unfit(plan, False, here) == ""
     numpy = f"has numpy {here['numpy']}, here it is 0.1; the same is needed"
@@ -353,35 +357,41 @@ def test_a_worker_says_why_it_cannot_make_the_cases(own):
     other = cluster.unfit(replace(plan, digest="0"), False, here)
     assert (
         other
-        == f"has another {own}: its wiring, times, content, parameters or FMUs differ"
+        == f"has another {own_scenario}: its wiring, times, content, parameters or FMUs differ"
     )
 
 
-def test_a_packed_system_has_the_same_case_on_a_worker(own, whole, tmp_path):
+def test_a_packed_system_has_the_same_case_on_a_worker(
+    own_scenario, full_campaign, tmp_path
+):
     from desat.campaign import cluster
     from desat.export.packing import pack_scenario
     from desat.files.scenario import read_foreign as scenario
 
     file = pack_scenario(
-        scenario(own), tmp_path / "mine.ssp", force=True, fmus="native"
+        scenario(own_scenario), tmp_path / "mine.ssp", force=True, fmus="native"
     )
     plan, _ = coordinator.planned(str(file), 4)
     cluster.keep(plan, cluster.shipped(plan.target))
     file.unlink()
-    made = cluster.on_worker(plan, True, cluster.versions(), (3,), 1, "")
-    row = store.read(whole).slice(3, 1).to_pylist()[0]
-    [told] = map(json.loads, made.lines)
-    assert told["numbers"] == {k[4:]: v for k, v in row.items() if k.startswith("out.")}
+    result = cluster.on_worker(plan, True, cluster.versions(), (3,), 1, "")
+    row = store.read(full_campaign).slice(3, 1).to_pylist()[0]
+    [answer] = map(json.loads, result.lines)
+    assert answer["numbers"] == {
+        k[4:]: v for k, v in row.items() if k.startswith("out.")
+    }
 
 
-def test_clusters_that_do_not_serve(own, whole, tmp_path, monkeypatch, capfd):
+def test_clusters_that_do_not_serve(
+    own_scenario, full_campaign, tmp_path, monkeypatch, capfd
+):
     """One that does not answer, one without workers, one whose worker has another
     version: from the beginning, and when it comes in the middle, where it costs
     nothing; one that ends."""
     pytest.importorskip("distributed", reason="Dask is not installed")
     from desat.campaign import cluster
 
-    plan, _ = coordinator.planned(str(own), 20)
+    plan, _ = coordinator.planned(str(own_scenario), 20)
     monkeypatch.setitem(cluster.SETTINGS, "distributed.comm.timeouts.connect", "4s")
     with monkeypatch.context() as patch:
         patch.setattr(cluster, "WAIT", "1s")
@@ -432,19 +442,19 @@ def test_clusters_that_do_not_serve(own, whole, tmp_path, monkeypatch, capfd):
             add = store.Store.add
 
             def later(self: store.Store, batch: store.Batch) -> list[store.CaseRow]:
-                made = add(self, batch)
+                result = add(self, batch)
                 if self.done() >= 5 and not late.exists():
                     late.touch()
                     client.wait_for_workers(2, timeout=60)
                 elif self.done() >= 25 and scheduler.poll() is None:
                     client.close()
                     scheduler.kill()
-                return made
+                return result
 
             monkeypatch.setattr(store.Store, "add", later)
             coordinator.run(plan, tmp_path / "c", cluster=str(file), progress=False)
             older.wait(60)
-            plan, _ = coordinator.planned(str(own), 40)
+            plan, _ = coordinator.planned(str(own_scenario), 40)
             with pytest.raises(
                 DesatError, match="the scheduler is gone; the same command"
             ):
@@ -455,7 +465,7 @@ def test_clusters_that_do_not_serve(own, whole, tmp_path, monkeypatch, capfd):
     assert (
         25 <= there.num_rows == store.read(tmp_path / "c", store.CURVES).num_rows < 40
     )
-    _first_alike(tmp_path / "c", whole, 20, there.num_rows)
+    _first_alike(tmp_path / "c", full_campaign, 20, there.num_rows)
     assert set(there["attempts"].to_pylist()) == {1}
 
 
@@ -470,11 +480,16 @@ def _started(*command: object) -> Iterator[subprocess.Popen[bytes]]:
             process.kill()
 
 
-def _first_alike(folder: Path, whole: Path, count: int, of: int | None = None) -> None:
+def _first_alike(
+    folder: Path, full_campaign: Path, count: int, of: int | None = None
+) -> None:
     """The first cases of a campaign are so many of the other, bit for bit, rows and
     curves; `of`: how many it has (default: these)."""
     for kind in (store.CASES, store.CURVES):
-        mine, theirs = store.read(folder, kind), store.read(whole, kind).slice(0, count)
+        mine, theirs = (
+            store.read(folder, kind),
+            store.read(full_campaign, kind).slice(0, count),
+        )
         assert mine.num_rows == (of or count)
         mine = mine.slice(0, count)
         names = [n for n in theirs.column_names if n not in store.BOOKKEEPING]
@@ -492,7 +507,7 @@ def test_crashes_and_hangs_leave_a_complete_dataset(tmp_path, binary):  # noqa: 
     coordinator.run(plan, folder, 2, progress=False)
     rows = store.read(folder).to_pylist()
     assert [r["case"] for r in rows] == list(range(30))
-    by = {HOW[r["in.bad.how"]]: r for r in rows}
+    by = {FAILURES[r["in.bad.how"]]: r for r in rows}
     assert set(by) == set(ways)
     text = "bad: the step from t = 3 s"
     assert by["NOTHING"]["status"] == "completed"
@@ -501,11 +516,11 @@ def test_crashes_and_hangs_leave_a_complete_dataset(tmp_path, binary):  # noqa: 
     assert by["EXIT_0"]["message"].startswith(f"{text} ended its process: exit(0)")
     assert "did not return within 1.5 s" in by["HANG"]["message"]
     assert by["HANG"]["attempts"] == 2
-    told = report.summary(folder).to_json()
-    assert told["completed"] + len(told["failed"]) == 30
+    summary_value = report.summary(folder).to_json()
+    assert summary_value["completed"] + len(summary_value["failed"]) == 30
     assert (
-        told["failed"][0]["command"]
-        == f"desat campaign case {folder} {told['failed'][0]['case']}"
+        summary_value["failed"][0]["command"]
+        == f"desat campaign case {folder} {summary_value['failed'][0]['case']}"
     )
 
 
@@ -534,33 +549,39 @@ def test_daemons_do_not_outlive_a_campaign(tmp_path, binary, apart, daemons):  #
 # --- what comes out -------------------------------------------------------------------
 
 
-def test_requirements_are_judged_with_their_confidence(whole):
-    told = json.loads((whole / "report.json").read_text())
-    load, rate = told["requirements"]["load"], told["requirements"]["rate"]
-    completed = told["completed"]
+def test_requirements_are_judged_with_their_confidence(full_campaign):
+    answer = json.loads((full_campaign / "report.json").read_text())
+    load, rate = answer["requirements"]["load"], answer["requirements"]["rate"]
+    completed = answer["completed"]
     assert load["within"] == completed
     assert load["lacking"] == 0
-    assert told["requirements"]["pointing"]["lacking"] == completed  # it is over before
+    assert (
+        answer["requirements"]["pointing"]["lacking"] == completed
+    )  # it is over before
     assert load["met"] == (
         completed >= 195
     )  # 196 of 200 show 95 % within with 95 % confidence
     assert not rate["met"]
-    values = [v for v in store.read(whole)["out.rate"].to_pylist() if v is not None]
+    values = [
+        v for v in store.read(full_campaign)["out.rate"].to_pylist() if v is not None
+    ]
     assert rate["within"] == sum(1.0 <= v <= 2.0 for v in values)
     assert rate["cases_outside"]
     low, high = rate["interval_outside"]
     assert low < rate["share_outside"] < high or rate["share_outside"] in (0.0, 100.0)
-    text = (whole / "report.html").read_text()
+    text = (full_campaign / "report.html").read_text()
     assert "NOT SHOWN" in text
-    assert text.count("<svg") >= len(told["numbers"]) / 2
-    largest = np.nanmax(store.read(whole, store.CURVES)["momentum"].to_pylist(), axis=1)
+    assert text.count("<svg") >= len(answer["numbers"]) / 2
+    largest = np.nanmax(
+        store.read(full_campaign, store.CURVES)["momentum"].to_pylist(), axis=1
+    )
     for case in np.argsort(-largest, kind="stable")[:3]:
-        assert report.rerun(whole, int(case)) in text, (
+        assert report.rerun(full_campaign, int(case)) in text, (
             "the worst of the percentile curves"
         )
     assert (
-        told["numbers"]["rate"]["unit"]
-        == told["requirements"]["rate"]["unit"]
+        answer["numbers"]["rate"]["unit"]
+        == answer["requirements"]["rate"]["unit"]
         == "deg/s"
     )
     of_analyses = {
@@ -569,11 +590,11 @@ def test_requirements_are_judged_with_their_confidence(whole):
         "limit_time": "s",
         "crossings": "1",
     }
-    assert {n: told["numbers"][n]["unit"] for n in of_analyses} == of_analyses
-    assert told["numbers"]["coil_duty"]["title"].startswith(
+    assert {n: answer["numbers"][n]["unit"] for n in of_analyses} == of_analyses
+    assert answer["numbers"]["coil_duty"]["title"].startswith(
         "Coil duty: mean dipole of the coils"
     )
-    assert told["digest"] == store.digest(whole)
+    assert answer["digest"] == store.digest(full_campaign)
 
 
 def test_more_cases_show_a_requirement():
@@ -651,33 +672,35 @@ def test_sobol_indices_of_a_linear_function(system):
     )
     few = replace(plan, count=32 * (sum(sizes) + 2))
     some = slice(few.count)
-    told = report._sobol(few, cases[some], every[some], {"y": y[some]})
-    assert told == {"missing": f"they need -n {2 * few.count} or more"}
+    answer = report._sobol(few, cases[some], every[some], {"y": y[some]})
+    assert answer == {"missing": f"they need -n {2 * few.count} or more"}
     every[0] = False
     assert report._sobol(plan, y, every, {"y": y}) == {
         "missing": "they need every case completed"
     }
 
 
-def test_campaigns_are_compared_case_by_case(whole, own, tmp_path):
-    other = own.with_name("other.toml")
+def test_campaigns_are_compared_case_by_case(full_campaign, own_scenario, tmp_path):
+    other = own_scenario.with_name("other.toml")
     other.write_text(
-        f'extends = "{own.stem}"\nparameters.manager.torque_limit = 2e-5\n'
+        f'extends = "{own_scenario.stem}"\nparameters.manager.torque_limit = 2e-5\n'
     )
     folder = tmp_path / "campaign"
     plan, _ = coordinator.planned(str(other), 30)
     coordinator.run(plan, folder, 2, progress=False)
-    told = compare(whole, folder).to_json()
-    entry = told["numbers"]["coil_load"]
-    assert told["pairs"] == entry["n"] <= 30
-    assert told["warnings"] == []
-    longer = replace(coordinator.read(whole), options=Options(stop=40.0))
+    comparison = compare(full_campaign, folder).to_json()
+    entry = comparison["numbers"]["coil_load"]
+    assert comparison["pairs"] == entry["n"] <= 30
+    assert comparison["warnings"] == []
+    longer = replace(coordinator.read(full_campaign), options=Options(stop=40.0))
     text = "the first runs until 40 s, the second until 20 s"
     assert comparing._warnings(longer, coordinator.read(folder)) == [text]
     assert entry["unit"] == "%"
     assert entry["lower"] + entry["higher"] + entry["equal"] == entry["n"]
     assert entry["interval"][0] <= entry["median"] <= entry["interval"][1]
-    a, b = (store.read(f)["out.coil_load"].to_pylist()[:30] for f in (whole, folder))
+    a, b = (
+        store.read(f)["out.coil_load"].to_pylist()[:30] for f in (full_campaign, folder)
+    )
     differences = [
         x - y for x, y in zip(a, b, strict=True) if x is not None and y is not None
     ]
@@ -685,13 +708,13 @@ def test_campaigns_are_compared_case_by_case(whole, own, tmp_path):
     plan, _ = coordinator.planned(str(other), 3, seed=2)
     coordinator.run(plan, tmp_path / "seed", 1, progress=False)
     with pytest.raises(DesatError, match="seed is 1 and 2; pairs need the same"):
-        compare(whole, tmp_path / "seed")
+        compare(full_campaign, tmp_path / "seed")
     path = folder / store.NUMBERS
     path.write_text(path.read_text().replace("deg/s", "rad/s"))
     with pytest.raises(
         DesatError, match=r"rate is in deg/s and in rad/s; pairs need the same"
     ):
-        compare(whole, folder)
+        compare(full_campaign, folder)
 
 
 # --- wrong input ----------------------------------------------------------------------
@@ -740,29 +763,31 @@ def test_what_nothing_can_meet_or_draw(tmp_path, more, text):
     assert str(error.value).startswith(str(path))
 
 
-def test_a_folder_has_one_campaign(whole, own, tmp_path):
-    plan, _ = coordinator.planned(str(own), COUNT, seed=7)
+def test_a_folder_has_one_campaign(full_campaign, own_scenario, tmp_path):
+    plan, _ = coordinator.planned(str(own_scenario), COUNT, seed=7)
     with pytest.raises(DesatError, match="another campaign: seed is 1 there, 7 here"):
-        coordinator.run(plan, whole, 1, progress=False)
+        coordinator.run(plan, full_campaign, 1, progress=False)
     (tmp_path / "letter.txt").write_text("x")
     with pytest.raises(DesatError, match="it has other files, and no campaign"):
         coordinator.run(plan, tmp_path, 1, progress=False)
-    assert coordinator.status(whole)["done"] == COUNT
+    assert coordinator.status(full_campaign)["done"] == COUNT
 
 
-def test_damaged_files_and_a_changed_system_are_said(whole, own, tmp_path, desat):
+def test_damaged_files_and_a_changed_system_are_said(
+    full_campaign, own_scenario, tmp_path, desat
+):
     """Nothing is read that is not whole, and no case is made of another system than its
     row."""
     folder = tmp_path / "campaign"
-    shutil.copytree(whole, folder, ignore=shutil.ignore_patterns("kept"))
-    mine = own.with_name("changed.toml")
-    mine.write_text(OWN)
+    shutil.copytree(full_campaign, folder, ignore=shutil.ignore_patterns("kept"))
+    mine = own_scenario.with_name("changed.toml")
+    mine.write_text(OWN_SCENARIO)
     plan = json.loads((folder / "campaign.json").read_text()) | {"target": str(mine)}
     (folder / "campaign.json").write_text(json.dumps(plan))
-    mine.write_text(OWN.replace("stop = 20.0", "stop = 30.0"))
-    said = desat("campaign", "case", str(folder), "3")
-    assert said.returncode == Exit.INPUT
-    assert "changed.toml is not what it was when the campaign began" in said.stderr
+    mine.write_text(OWN_SCENARIO.replace("stop = 20.0", "stop = 30.0"))
+    outcome = desat("campaign", "case", str(folder), "3")
+    assert outcome.returncode == Exit.INPUT
+    assert "changed.toml is not what it was when the campaign began" in outcome.stderr
     assert not (folder / "kept").exists()
     for name, text in {
         "cases/part-00000.parquet": f"without {folder}/cases/part-00000.parquet the same command",
@@ -774,13 +799,13 @@ def test_damaged_files_and_a_changed_system_are_said(whole, own, tmp_path, desat
         file = folder / name
         whole_file = file.read_bytes()
         file.write_bytes(whole_file[: len(whole_file) // 2])
-        said = desat(
+        outcome = desat(
             "campaign", "status" if name == "status.json" else "report", str(folder)
         )
-        assert said.returncode == Exit.INPUT, said.stderr
-        assert said.stderr.startswith(f"error: {file}: damaged ("), said.stderr
-        assert text in said.stderr
-        assert said.stderr.count("\n") == 1
+        assert outcome.returncode == Exit.INPUT, outcome.stderr
+        assert outcome.stderr.startswith(f"error: {file}: damaged ("), outcome.stderr
+        assert text in outcome.stderr
+        assert outcome.stderr.count("\n") == 1
         file.write_bytes(whole_file)
     (folder / "campaign.json").write_text(json.dumps(plan | {"count": "200"}))
     assert "damaged (count is '200')" in desat("campaign", "status", str(folder)).stderr
@@ -821,16 +846,16 @@ def test_wrong_words_are_one_line(desat, tmp_path, arguments, text):
     assert len(lines) == 1, result.stderr
 
 
-def test_a_campaign_is_a_data_set(whole):
-    ds = desat.load(whole)
-    table = store.read(whole)
+def test_a_campaign_is_a_data_set(full_campaign):
+    ds = desat.load(full_campaign)
+    table = store.read(full_campaign)
     assert ds.sizes["case"] == COUNT
     expected = [np.nan if v is None else v for v in table["out.rate"].to_pylist()]
     np.testing.assert_array_equal(ds["out.rate"].values, expected)
     assert ds["out.rate"].attrs["units"] == "deg/s"
     assert ds["status"][3].item() == table["status"][3].as_py()
     assert len(ds.to_dataframe()) == COUNT
-    curves = desat.load(whole, curves=True)
+    curves = desat.load(full_campaign, curves=True)
     assert curves["curve.momentum"].shape == (COUNT, 200)
     assert ds["in.wheels.h_start_wheel[1]"].attrs["units"] == "N.m.s"
     assert curves["curve.momentum"].attrs["units"] == "mN.m.s"
@@ -894,15 +919,15 @@ def test_a_case_that_changes_values_alone_is_the_case_prepared_anew(
     tmp_path, monkeypatch, name, more
 ):
     """A worker resolves and checks its system once."""
-    own = tmp_path / "own.toml"
-    own.write_text(
+    own_scenario = tmp_path / "own.toml"
+    own_scenario.write_text(
         f'extends = "{name}"\nstop = 100.0\n'
         + (f"[dispersions]\n{more}\n" if more else "")
     )
-    plan = CampaignPlan(str(own), "", 5)
+    plan = CampaignPlan(str(own_scenario), "", 5)
     rows = []
-    for made in (draws.with_values, prepare):
-        monkeypatch.setattr(draws, "with_values", made)
+    for result in (draws.with_values, prepare):
+        monkeypatch.setattr(draws, "with_values", result)
         rows.append([replace(case_module.row(plan, n), seconds=0.0) for n in range(5)])
     assert rows[0] == rows[1]
     if "lag" in more:
@@ -926,18 +951,18 @@ def test_a_master_that_begins_anew_makes_the_bits_of_a_new_one(
     tmp_path, monkeypatch, name, more
 ):
     """Every series, not the numbers alone; a worker makes one master for all its cases."""
-    own = tmp_path / "own.toml"
-    own.write_text(f'extends = "{name}"\nstop = 100.0\n{more}\n')
-    source = prepare_module.read(str(own))
-    system, made, runs = source.to_draw(False), [], {}
+    own_scenario = tmp_path / "own.toml"
+    own_scenario.write_text(f'extends = "{name}"\nstop = 100.0\n{more}\n')
+    source = prepare_module.read(str(own_scenario))
+    system, result, runs = source.to_draw(False), [], {}
     init = Master.__init__
     monkeypatch.setattr(
-        Master, "__init__", lambda *a, **k: made.append(1) or init(*a, **k)
+        Master, "__init__", lambda *a, **k: result.append(1) or init(*a, **k)
     )
     for prepared in (prepare_module.with_values, prepare):
         if prepared is prepare:
             # not where others follow what is drawn; "auto" makes some to try
-            assert len(made) == 1 or "telescope" in name or "auto" in more
+            assert len(result) == 1 or "telescope" in name or "auto" in more
         for draw in range(3):
             options = Options(values=draw_of(system, 1, draw))
             run = simulate(prepared(source, options))
@@ -951,22 +976,22 @@ def test_a_master_that_begins_anew_makes_the_bits_of_a_new_one(
 
 
 def test_a_worker_prepares_once(monkeypatch):
-    made = []
+    results = []
     check = Builder.check
     monkeypatch.setattr(
-        Builder, "check", lambda builder: made.append(1) or check(builder)
+        Builder, "check", lambda builder: results.append(1) or check(builder)
     )
     plan = CampaignPlan("alsat1/basin-y-wheel", "", 5, options=Options(stop=600.0))
     plan_module._source.cache_clear()
     for n in range(5):
         assert case_module.row(plan, n).code == 0
-    assert len(made) == 1
+    assert len(results) == 1
 
 
 def test_a_worker_takes_one_thread_of_products_unless_told():
     """Threads that wait for the next product took a quarter of a day's CPU."""
     with Local(os.getenv, 1) as workers:
         found = dict(
-            results(workers, [(0, ("OPENBLAS_NUM_THREADS",))], lambda key, why: ())
+            results(workers, [(0, ("OPENBLAS_NUM_THREADS",))], lambda key, reason: ())
         )
     assert found == {0: os.environ.get("OPENBLAS_NUM_THREADS", "1")}

@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from scipy.stats import beta
-from test_campaign import RATE as OWN
+from test_campaign import RATE as OWN_SCENARIO
 
 import desat
 from desat.campaign import case, coordinator, judged, pairs, report, store
@@ -28,42 +28,42 @@ DRAWN = "wheels.h_start_wheel"
 
 def scenario(folder: Path, more: str = "") -> str:
     path = folder / "mine.toml"
-    path.write_text(OWN + more)
+    path.write_text(OWN_SCENARIO + more)
     return str(path)
 
 
 @pytest.fixture(scope="module")
-def own(tmp_path_factory) -> str:
+def own_scenario(tmp_path_factory) -> str:
     return scenario(tmp_path_factory.mktemp("own"))
 
 
-def flown(target: str, folder: Path, count: int = 3, **more: object) -> Path:
+def fly(target: str, folder: Path, count: int = 3, **more: object) -> Path:
     plan, _ = coordinator.planned(target, count, **more)
     coordinator.run(plan, folder, 1, progress=False)
     return folder
 
 
 @pytest.fixture(scope="module")
-def three(own, tmp_path_factory) -> Path:
-    return flown(own, tmp_path_factory.mktemp("three") / "campaign")
+def three(own_scenario, tmp_path_factory) -> Path:
+    return fly(own_scenario, tmp_path_factory.mktemp("three") / "campaign")
 
 
-def test_a_data_set_stays_with_its_cases(own, three, tmp_path):
+def test_a_data_set_stays_with_its_cases(own_scenario, three, tmp_path):
     """Also where earlier cases come after it was loaded, as from another worker."""
     folder = tmp_path / "campaign"
     shutil.copytree(three, folder)
-    whole = store.read(folder).to_pylist()
-    kept = store._of_block(folder, 0)
+    full = store.read(folder).to_pylist()
+    saved = store._of_block(folder, 0)
     (folder / "cases/part-00000.parquet").unlink()
-    lines = [row.to_line() for row in kept]
+    lines = [row.to_line() for row in saved]
     store.journal(folder, 0).write_text("".join(lines[i] for i in (0, 2)))
     loaded, curves = desat.load(folder), desat.load(folder, curves=True)
     store.journal(folder, 0).write_text("".join(lines[i] for i in (0, 2, 1)))
     assert loaded["out.rate"].shape == loaded["out.rate"].values.shape == (2,)
-    assert float(loaded["out.rate"].sel(case=2)) == whole[2]["out.rate"]
+    assert float(loaded["out.rate"].sel(case=2)) == full[2]["out.rate"]
     (curve, *_) = curves.data_vars
-    wanted = desat.load(three, curves=True)[curve].values[[0, 2]]
-    assert curves[curve].values.tobytes() == wanted.tobytes()
+    expected = desat.load(three, curves=True)[curve].values[[0, 2]]
+    assert curves[curve].values.tobytes() == expected.tobytes()
     store.journal(folder, 0).write_text(lines[0])
     with pytest.raises(DesatError, match="case 2 no longer exists"):
         loaded["out.rate"].values  # noqa: B018
@@ -72,13 +72,13 @@ def test_a_data_set_stays_with_its_cases(own, three, tmp_path):
 @pytest.mark.parametrize(
     "name", [DRAWN, f"{DRAWN}[2]", f"{DRAWN} ", "shared.h_start_wheel"]
 )
-def test_what_is_drawn_has_no_other_value(own, name):
+def test_what_is_drawn_has_no_other_value(own_scenario, name):
     value = "0.001" if "[" in name else "0.001,0,0,0"
     with pytest.raises(DesatError, match="is sampled, and so never has this value"):
-        coordinator.planned(own, 3, options=Options(sets=[f"{name}={value}"]))
+        coordinator.planned(own_scenario, 3, options=Options(sets=[f"{name}={value}"]))
     if "wheels" in name:
         with pytest.raises(DesatError, match="is sampled, and so cannot be an axis"):
-            sweep(own, {name.strip(): [0.0]}, draws=2)
+            sweep(own_scenario, {name.strip(): [0.0]}, draws=2)
 
 
 def test_an_input_that_is_fed_takes_no_value(tmp_path):
@@ -109,14 +109,14 @@ probability = 0.3
 """
     target = scenario(tmp_path)
     Path(target).write_text(
-        OWN.replace("[numbers", more.partition("[")[0] + "[numbers")
+        OWN_SCENARIO.replace("[numbers", more.partition("[")[0] + "[numbers")
         + more[more.index("[") :]
     )
-    told = report.summary(flown(target, tmp_path / "campaign")).to_json()
-    assert told["requirements"]["residual"]["outside"] == 0
-    assert told["requirements"]["residual"]["lacking"] == 0
-    assert len(told["unmet"]) == 6, told["unmet"]
-    assert all("above" in line for line in told["unmet"])
+    summary_value = report.summary(fly(target, tmp_path / "campaign")).to_json()
+    assert summary_value["requirements"]["residual"]["outside"] == 0
+    assert summary_value["requirements"]["residual"]["lacking"] == 0
+    assert len(summary_value["unmet"]) == 6, summary_value["unmet"]
+    assert all("above" in line for line in summary_value["unmet"])
     rows = draws(target, 2, 1, Options(), jobs=1).rows
     assert [len(r.unmet) for r in rows] == [2, 2]
 
@@ -124,16 +124,16 @@ probability = 0.3
 def test_an_infinite_number_is_outside(tmp_path):
     values = np.array([1.0, np.inf, -np.inf, np.nan])
     for entry in ({"min": 0.0}, {"max": 2.0}):
-        told = judged.requirement(
+        answer = judged.requirement(
             Requirement(number="x", **entry),
             {"x": values},
             np.ones(4, bool),
             np.arange(4),
             tmp_path,
         )
-        assert (told.within, told.lacking) == (1, 3)
-    told = report._number("x", {}, values, np.arange(4))
-    assert (told.n, told.not_reached, told.infinite) == (1, 1, 2)
+        assert (answer.within, answer.lacking) == (1, 3)
+    answer = report._number("x", {}, values, np.arange(4))
+    assert (answer.n, answer.not_reached, answer.infinite) == (1, 1, 2)
 
 
 def test_how_many_more_cases_show_it_for_good():
@@ -153,9 +153,9 @@ def test_how_many_more_cases_show_it_for_good():
     assert 0.45 < high / low <= 0.5
 
 
-def test_what_no_run_can_miss_is_said(own):
+def test_what_no_run_can_miss_is_said(own_scenario):
     """mil-nadir is to be dumped after 7200 s; these runs end after 20 s."""
-    _, warnings = coordinator.planned(own, 3)
+    _, warnings = coordinator.planned(own_scenario, 3)
     (line,) = [w for w in warnings if "requirements.dumped" in w]
     assert line.endswith(
         "max = 7200 s is not before the end of a run, 20 s: no case can be above"
@@ -164,14 +164,14 @@ def test_what_no_run_can_miss_is_said(own):
     assert not any("requirements" in w for w in warnings)
 
 
-def test_a_worker_that_is_told_to_end_gives_no_row(own, monkeypatch):
+def test_a_worker_that_is_told_to_end_gives_no_row(own_scenario, monkeypatch):
     """Its case is made again elsewhere."""
 
     def stopped(*_: object) -> None:
         raise RunError("interrupted", Exit.TERMINATED)
 
     monkeypatch.setattr(case, "ran", stopped)
-    plan, _ = coordinator.planned(own, 3)
+    plan, _ = coordinator.planned(own_scenario, 3)
     with pytest.raises(SystemExit):
         case.row(plan, 1)
 
@@ -198,12 +198,12 @@ def test_a_file_whose_sha256_is_missing_is_refused_as_one_whose_sha256_is_anothe
 ):
     folder = tmp_path / "campaign"
     shutil.copytree(three, folder)
-    kept = store.signature(folder / "cases/part-00000.parquet")
-    kept.unlink()
-    told = r"part-00000\.parquet: damaged \(_part-00000\.sha256, its sha256, is missing\); without"
-    with pytest.raises(DesatError, match=told):
+    saved = store.signature(folder / "cases/part-00000.parquet")
+    saved.unlink()
+    message = r"part-00000\.parquet: damaged \(_part-00000\.sha256, its sha256, is missing\); without"
+    with pytest.raises(DesatError, match=message):
         store.read(folder)
-    shutil.copy(store.signature(three / "cases/part-00000.parquet"), kept)
+    shutil.copy(store.signature(three / "cases/part-00000.parquet"), saved)
     assert store.digest(folder) == store.digest(three)
 
 
@@ -218,9 +218,9 @@ def test_a_file_that_is_being_replaced_is_read_whichever_it_is(
         part = path.with_suffix(".tmp")
         pq.write_table(pq.read_table(path), part, compression="none")
 
-        def killed(kept: Path, target: Path, ended: bool = ended) -> None:
+        def killed(stored_values: Path, target: Path, ended: bool = ended) -> None:
             if target != path or not ended:
-                shutil.move(kept, target)
+                shutil.move(stored_values, target)
             if target == path:
                 raise KeyboardInterrupt
 
@@ -246,8 +246,8 @@ def test_a_full_disk_is_told_with_the_file(three, tmp_path, name):
     batch = store.Batch.of([dataclasses.replace(row, described=described)])
     with pytest.raises(OSError, match="No space left on device") as caught:
         full.add(batch)
-    wanted = folder / name.replace("00.tmp", "00.parquet").removesuffix(".tmp")
-    assert caught.value.filename == str(wanted)
+    expected = folder / name.replace("00.tmp", "00.parquet").removesuffix(".tmp")
+    assert caught.value.filename == str(expected)
 
 
 def test_rows_of_a_block_that_has_grown_are_there_at_once(three, tmp_path):
@@ -301,10 +301,10 @@ def test_damaged_folders_are_named(three, tmp_path, desat):
         report.summary(folder)
 
 
-def test_few_pairs_have_no_interval(three, own, tmp_path, desat):
+def test_few_pairs_have_no_interval(three, own_scenario, tmp_path, desat):
     """Five pairs hold a median with 94 % at most; and a case that fails in one is said."""
-    told = pairs.compare(three, three)
-    assert not told.numbers["rate"].interval_holds
+    comparison = pairs.compare(three, three)
+    assert not comparison.numbers["rate"].interval_holds
     result = desat(
         "compare", str(three), str(shutil.copytree(three, tmp_path / "same"))
     )
@@ -315,8 +315,8 @@ def test_few_pairs_have_no_interval(three, own, tmp_path, desat):
     rows = store._of_block(other, 0)
     rows[1] = dataclasses.replace(rows[1], status="failed")
     store._write(other, 0, rows)
-    told = pairs.compare(three, other)
-    assert told.warnings == [
+    comparison = pairs.compare(three, other)
+    assert comparison.warnings == [
         "case 1: completed in the first, failed in the second: in no pair"
     ]
 
@@ -329,33 +329,34 @@ def test_the_last_value_of_several_is_refused(tmp_path):
         coordinator.planned(scenario(tmp_path, more), 3)
 
 
-def test_a_case_that_was_cut_short_is_kept_again(own, tmp_path):
-    folder = flown(own, tmp_path / "campaign", keep=["every:2"])
+def test_a_case_that_was_cut_short_is_kept_again(own_scenario, tmp_path):
+    folder = fly(own_scenario, tmp_path / "campaign", keep=["every:2"])
     manifest = coordinator.kept_in(folder, 2) / "manifest.json"
-    told = json.loads(manifest.read_text())
-    manifest.write_text(json.dumps({**told, "status": "no space"}))
-    flown(own, folder, keep=["every:2"])
+    answer = json.loads(manifest.read_text())
+    manifest.write_text(json.dumps({**answer, "status": "no space"}))
+    fly(own_scenario, folder, keep=["every:2"])
     assert json.loads(manifest.read_text())["status"] == "completed"
 
 
-def test_what_was_timed_out_is_made_again_with_more_time(own, tmp_path):
-    folder = flown(own, tmp_path / "campaign", limit=10.0)
-    whole = store.digest(folder)
+def test_what_was_timed_out_is_made_again_with_more_time(own_scenario, tmp_path):
+    folder = fly(own_scenario, tmp_path / "campaign", limit=10.0)
+    full = store.digest(folder)
     rows = store._of_block(folder, 0)
     rows[1] = dataclasses.replace(
         rows[1], status="timed out", code=int(Exit.TIMEOUT), numbers={}
     )
     store._write(folder, 0, rows)
-    flown(own, folder, limit=10.0)
-    assert store.digest(folder) != whole
-    flown(own, folder, limit=20.0)
-    assert store.digest(folder) == whole
+    fly(own_scenario, folder, limit=10.0)
+    assert store.digest(folder) != full
+    fly(own_scenario, folder, limit=20.0)
+    assert store.digest(folder) == full
 
 
-def test_other_options_are_another_campaign_and_named(own, tmp_path):
+def test_other_options_are_another_campaign_and_named(own_scenario, tmp_path):
     """Whether the digest tells them apart or not."""
     plan, other = (
-        coordinator.planned(own, 3, options=Options(stop=x))[0] for x in (5.0, 6.0)
+        coordinator.planned(own_scenario, 3, options=Options(stop=x))[0]
+        for x in (5.0, 6.0)
     )
     for new in (other, replace(plan, options=other.options)):
         with pytest.raises(DesatError, match="another campaign: options is "):
@@ -363,26 +364,26 @@ def test_other_options_are_another_campaign_and_named(own, tmp_path):
     joined(plan, replace(plan), tmp_path)
 
 
-def test_options_as_programs_give_them(own, tmp_path):
+def test_options_as_programs_give_them(own_scenario, tmp_path):
     """Tuples come back as lists; what is no integer is no count and no seed."""
     options = Options(stop=5.0, record=("wheels.*",))
-    plan, _ = coordinator.planned(own, 3, options=options)
+    plan, _ = coordinator.planned(own_scenario, 3, options=options)
     plan.write(tmp_path)
     joined(coordinator.read(tmp_path), plan, tmp_path)
     for wrong in ({"count": 2.5}, {"count": 0}, {"seed": -1}, {"seed": 0.5}):
-        given = {"count": 3, "seed": 1, **wrong}
+        values = {"count": 3, "seed": 1, **wrong}
         (name,) = wrong
         with pytest.raises(DesatError, match=f"{name} = .*: an integer from"):
-            coordinator.planned(own, given.pop("count"), **given)
+            coordinator.planned(own_scenario, values.pop("count"), **values)
         with pytest.raises(DesatError, match=f"{name} = .*: an integer from"):
             draws(
-                own,
+                own_scenario,
                 {"count": 3, **wrong}["count"],
                 {"seed": 1, **wrong}["seed"],
                 Options(),
             )
     with pytest.raises(DesatError, match="at most 10000000"):
-        coordinator.planned(own, 10**13, sampling="latin-hypercube")
+        coordinator.planned(own_scenario, 10**13, sampling="latin-hypercube")
 
 
 def test_an_element_is_not_drawn_alone(tmp_path):
@@ -393,9 +394,9 @@ def test_an_element_is_not_drawn_alone(tmp_path):
 
 def test_numbers_that_differ_by_rounding_have_no_figure(three):
     """Nor are they an error of the histogram's."""
-    plan, told = coordinator.read(three), report.summary(three)
-    names = list(told.numbers)
-    assert len(report._figures(three, plan, told)) <= len(names) + 1
+    plan, summary_value = coordinator.read(three), report.summary(three)
+    names = list(summary_value.numbers)
+    assert len(report._figures(three, plan, summary_value)) <= len(names) + 1
     close = 1.0 + np.array([0.0, 2e-16, 4e-16])
     assert np.ptp(close) > 0.0
     assert np.ptp(close) <= 1e-9 * np.abs(close).max()

@@ -52,9 +52,9 @@ def texts(figure):
     ],
 )
 def test_ticks_are_round_and_few(low, high, most, labels, aside):
-    made = canvas.linear(low, high, most)
-    assert (list(made.labels), made.aside) == (labels, aside)
-    assert all(low - 1e-9 * abs(low) <= v <= high * (1 + 1e-9) for v in made.values)
+    ticks = canvas.linear(low, high, most)
+    assert (list(ticks.labels), ticks.aside) == (labels, aside)
+    assert all(low - 1e-9 * abs(low) <= v <= high * (1 + 1e-9) for v in ticks.values)
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -63,23 +63,23 @@ def test_labels_say_where_ticks_are(seed):
     draw = np.random.default_rng(seed)
     low = draw.normal() * 10.0 ** draw.integers(-9, 9)
     high = low + abs(draw.normal()) * 10.0 ** draw.integers(-6, 9)
-    made = canvas.linear(low, high, 7)
-    assert 1 <= len(made.values) <= 7
+    ticks = canvas.linear(low, high, 7)
+    assert 1 <= len(ticks.values) <= 7
     power, shift = re.fullmatch(
-        r"(?:×10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))? ?([+−] .*)?", made.aside
+        r"(?:×10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))? ?([+−] .*)?", ticks.aside
     ).groups()
     normal = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹−", "-0123456789-")
     factor = 10.0 ** int((power or "⁰").translate(normal))
     offset = float((shift or "0").translate(normal).replace(" ", ""))
-    said = [float(t.translate(normal)) * factor + offset for t in made.labels]
-    assert said == pytest.approx(
-        made.values, abs=1e-6 * (high - low) + 1e-12 * abs(low)
+    messages = [float(t.translate(normal)) * factor + offset for t in ticks.labels]
+    assert messages == pytest.approx(
+        ticks.values, abs=1e-6 * (high - low) + 1e-12 * abs(low)
     )
 
 
 def test_ticks_of_a_logarithmic_axis():
-    made = canvas.logarithmic(0.5e-3, 2.0, 9)
-    named = [t for t in made.labels if t]
+    ticks = canvas.logarithmic(0.5e-3, 2.0, 9)
+    named = [t for t in ticks.labels if t]
     assert named == ["10⁻³", "10⁻²", "10⁻¹", "10⁰"]
     narrow = canvas.logarithmic(1.5, 8.0, 9)
     assert dict(zip(narrow.labels, narrow.values, strict=True))["2×10⁰"] == 2.0
@@ -196,8 +196,10 @@ def test_everything_lies_within_the_picture_and_nothing_on_a_label():
         if words.turned:
             box = (x - height, y - width / 2, x, y + width / 2)
         else:
-            left = x - width * {"start": 0.0, "middle": 0.5, "end": 1.0}[words.anchor]
-            box = (left, y - 0.8 * height, left + width, y)
+            remaining = (
+                x - width * {"start": 0.0, "middle": 0.5, "end": 1.0}[words.anchor]
+            )
+            box = (remaining, y - 0.8 * height, remaining + width, y)
         assert box[0] >= -5, words
         assert box[1] >= -5, words
         assert box[2] <= INCH * 7.2 + 5, words
@@ -266,7 +268,7 @@ def test_a_time_that_is_not_reached_has_no_point():
     reached = plots.scatter(
         {"law": ([1.0, 2.0], [10.0, 20.0])}, "x", "y", diagonal="equal"
     )
-    beside = plots.scatter(
+    neighbour = plots.scatter(
         {"law": ([1.0, 2.0, 5.0], [10.0, 20.0, math.inf])}, "x", "y", diagonal="equal"
     )
-    assert beside == reached
+    assert neighbour == reached

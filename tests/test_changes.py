@@ -75,15 +75,18 @@ def test_a_measure_a_field_of_the_manifest_and_a_colour_are_a_change_of_one_file
     measures.write_text(
         measures.read_text(encoding="utf-8") + MEASURE, encoding="utf-8"
     )
-    told = "a field of the manifest"
+    message = "a field of the manifest"
     changed(
         tree,
-        told,
+        message,
         '    platform: str = ""\n',
         '    planned: int = 0\n    platform: str = ""\n',
     )
     changed(
-        tree, told, "step=system.step,", "step=system.step, planned=system.steps + 1,"
+        tree,
+        message,
+        "step=system.step,",
+        "step=system.step, planned=system.steps + 1,",
     )
     changed(tree, "a colour of plots", "#0b62a4", "#123456")
     (tree / "here").mkdir()

@@ -213,13 +213,13 @@ def test_wrong_count_and_kind(broken):
         sets=("spacecraft.h_start_body=1,2",)
     )
     assert "a Real is needed" in broken(sets=("manager.duty=fast",))
-    for seed, said in (
+    for seed, message in (
         ("1.5", "an Integer is needed"),
         ("3e9", "an Integer is needed"),
         ("3000000000", "3000000000: allowed is -2147483648 to 2147483647"),
         ("9" * 400, "a number of 400 digits"),
     ):
-        assert said in broken(sets=(f"magnetometer.seed={seed}",))
+        assert message in broken(sets=(f"magnetometer.seed={seed}",))
     assert "a Boolean is needed" in broken(sets=("manager.saturation=3",))
     assert "is an output: it cannot be set" in broken(
         sets=("manager.m_cmd_body=1,2,3",)
@@ -228,15 +228,15 @@ def test_wrong_count_and_kind(broken):
 
 
 @pytest.mark.parametrize(
-    ("option", "said"),
+    ("option", "message"),
     [
         ({"loop": "fast"}, "loop = 'fast': there is compiled, python"),
         ({"isolate": True}, "isolate = True: there is all, foreign, none"),
         ({"stop": "5"}, "stop = '5': a time in s is needed"),
     ],
 )
-def test_what_a_program_asks_for_is_looked_at(option, said):
-    with pytest.raises(DesatError, match=said):
+def test_what_a_program_asks_for_is_looked_at(option, message):
+    with pytest.raises(DesatError, match=message):
         Options(**option)
 
 

@@ -102,11 +102,11 @@ def test_interface_platforms_and_hash_are_printed(desat, tmp_path, version):
     assert done.stderr == ""
     assert f"FMI {version} for co-simulation" in done.stdout
     assert f"platforms: {LIBRARIES[version].split('/')[1]}\n" in done.stdout
-    told = json.loads(desat("check", str(path), "--json").stdout)
-    assert told["sha256"] in done.stdout
-    assert told["problems"] == told["warnings"] == []
+    answer = json.loads(desat("check", str(path), "--json").stdout)
+    assert answer["sha256"] in done.stdout
+    assert answer["problems"] == answer["warnings"] == []
     found = {
-        v["name"]: (v["causality"], v["shape"], v["unit"]) for v in told["variables"]
+        v["name"]: (v["causality"], v["shape"], v["unit"]) for v in answer["variables"]
     }
     found.pop("time", None)
     assert found == {
@@ -143,7 +143,7 @@ def test_ours_are_as_the_standard_wants_them(desat, name):
 
 
 @pytest.mark.parametrize(
-    ("version", "old", "new", "said"),
+    ("version", "old", "new", "message"),
     [
         ("2.0", "<Real unit", '<Real bogus="1" unit', "bogus"),
         ("2.0", 'variability="fixed"', 'variability="continuous"', "gain"),
@@ -177,7 +177,7 @@ def test_ours_are_as_the_standard_wants_them(desat, name):
     ],
 )
 def test_what_breaks_the_standard_is_a_problem(
-    desat, tmp_path, version, old, new, said
+    desat, tmp_path, version, old, new, message
 ):
     """Named by the file, and ended with 1; no word of a bug of ours."""
     path = of_version(tmp_path, version, old, new)
@@ -188,9 +188,9 @@ def test_what_breaks_the_standard_is_a_problem(
     *lines, last = done.stderr.splitlines()
     assert last == f"1 problem(s) in {path}" or int(last.split()[0]) == len(lines)
     assert all(line.startswith("it.fmu: ") for line in lines)
-    assert said in " ".join(lines)
-    told = json.loads(desat("check", str(path), "--json").stdout)
-    assert told["problems"]
+    assert message in " ".join(lines)
+    answer = json.loads(desat("check", str(path), "--json").stdout)
+    assert answer["problems"]
 
 
 def test_an_fmu_without_a_binary_and_sources_breaks_the_standard(desat, tmp_path):
@@ -201,22 +201,24 @@ def test_an_fmu_without_a_binary_and_sources_breaks_the_standard(desat, tmp_path
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "library", "said"),
+    ("old", "new", "library", "message"),
     [
         ("CoSimulation", "ModelExchange", LIBRARIES["2.0"], "for model exchange alone"),
         ("", "", "binaries/win64/two.dll", "has no binary for linux64; there is win64"),
     ],
 )
-def test_what_would_not_run_here_is_a_warning(desat, tmp_path, old, new, library, said):
+def test_what_would_not_run_here_is_a_warning(
+    desat, tmp_path, old, new, library, message
+):
     path = write(tmp_path / "it.fmu", FMI2.replace(old, new) if old else FMI2, library)
     done = desat("check", str(path))
     assert done.returncode == 0
     assert done.stderr.startswith("warning: it.fmu")
-    assert said in done.stderr
+    assert message in done.stderr
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         (None, "No such file or directory"),
         (b"", "not a readable archive"),
@@ -236,7 +238,7 @@ def test_what_would_not_run_here_is_a_warning(desat, tmp_path, old, new, library
         ({"../modelDescription.xml": FMI2}, "would leave the folder"),
     ],
 )
-def test_what_is_no_fmu_is_a_line(desat, tmp_path, content, said):
+def test_what_is_no_fmu_is_a_line(desat, tmp_path, content, message):
     path = tmp_path / "it.fmu"
     if isinstance(content, bytes):
         path.write_bytes(content)
@@ -248,7 +250,7 @@ def test_what_is_no_fmu_is_a_line(desat, tmp_path, content, said):
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1
     assert "it.fmu" in done.stderr
-    assert said in done.stderr
+    assert message in done.stderr
 
 
 @pytest.mark.parametrize(
@@ -262,9 +264,9 @@ def test_options_of_systems_are_refused(desat, tmp_path, option):
 
 def test_a_list_of_trusted_hashes_holds(desat, tmp_path):
     path = of_version(tmp_path, "2.0")
-    told = json.loads(desat("check", str(path), "--json").stdout)
+    answer = json.loads(desat("check", str(path), "--json").stdout)
     hashes = tmp_path / "trusted"
-    hashes.write_text(f"{told['sha256']}  it.fmu\n")
+    hashes.write_text(f"{answer['sha256']}  it.fmu\n")
     assert desat("check", str(path), "--trust", str(hashes)).returncode == 0
     hashes.write_text("0" * 64)
     done = desat("check", str(path), "--trust", str(hashes))

@@ -33,7 +33,7 @@ __all__ = ["binary", "system"]  # fixtures
 # --- killed in the middle, within this process's tests --------------------------------
 
 
-def broken(target: str, given: Options, folder: Path, monkeypatch, at: int) -> None:
+def broken(target: str, values: Options, folder: Path, monkeypatch, at: int) -> None:
     """A run that is killed while it has just written the checkpoint of step `at` or a
     later one."""
     save = checkpoint.Checkpoints.save
@@ -45,7 +45,7 @@ def broken(target: str, given: Options, folder: Path, monkeypatch, at: int) -> N
 
     with monkeypatch.context() as patched:
         patched.setattr(checkpoint.Checkpoints, "save", last)
-        run = simulate(prepare(target, replace(given, supervised=True)), folder)
+        run = simulate(prepare(target, replace(values, supervised=True)), folder)
     assert "SIGKILL" in run.manifest["message"]
     run.results.close()
 
@@ -74,9 +74,9 @@ def test_it_goes_on_with_the_same_bits(tmp_path, monkeypatch, more):
         else {"spacecraft": 10, "wheels": 2, "manager": 5}
     )
     file = scenario(tmp_path, step=0.1, step_ratio=slow)
-    given = Options(stop=14.0, **more)
-    simulate(prepare(file, given), tmp_path / "whole").results.close()
-    saved = replace(given, checkpoint=1.1)
+    options = Options(stop=14.0, **more)
+    simulate(prepare(file, options), tmp_path / "whole").results.close()
+    saved = replace(options, checkpoint=1.1)
     broken(file, saved, tmp_path / "broken", monkeypatch, 77)
     run = resume(tmp_path / "broken")
     run.results.close()
@@ -89,18 +89,18 @@ def test_a_condition_that_holds_goes_on_holding(tmp_path, monkeypatch):
     file.write_text(
         f'extends = "integrated/mil-nadir"\nstop = 18.0\ntitle = "T"\n[stop_when]\n{HELD}\n'
     )
-    given = Options(checkpoint=3.0)
-    whole = simulate(prepare(str(file), given), tmp_path / "whole")
-    assert whole.manifest["stopped_when"]["time"] < 18.0
-    broken(str(file), given, tmp_path / "broken", monkeypatch, 12)
+    options = Options(checkpoint=3.0)
+    full = simulate(prepare(str(file), options), tmp_path / "whole")
+    assert full.manifest["stopped_when"]["time"] < 18.0
+    broken(str(file), options, tmp_path / "broken", monkeypatch, 12)
     resume(tmp_path / "broken").results.close()
     assert differences(tmp_path / "whole", tmp_path / "broken") == []
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs POSIX")
 def test_the_newest_whole_one_counts(tmp_path, monkeypatch):
-    given = Options(stop=40.0, checkpoint=10.0)
-    broken("nadir_day/day-dipole", given, tmp_path / "a", monkeypatch, 30)
+    options = Options(stop=40.0, checkpoint=10.0)
+    broken("nadir_day/day-dipole", options, tmp_path / "a", monkeypatch, 30)
     old, new = sorted((tmp_path / "a" / checkpoint.FOLDER).iterdir())
     new.write_bytes(new.read_bytes()[:-500])
     assert checkpoint.newest(tmp_path / "a").path == old
@@ -114,8 +114,10 @@ def test_the_newest_whole_one_counts(tmp_path, monkeypatch):
 
 def test_a_full_disk_while_one_is_written(tmp_path, monkeypatch):
     """6, the one before it is whole, and once there is room the run goes on from there."""
-    given = Options(stop=40.0, checkpoint=10.0, supervised=True)
-    simulate(prepare("nadir_day/day-dipole", given), tmp_path / "whole").results.close()
+    options = Options(stop=40.0, checkpoint=10.0, supervised=True)
+    simulate(
+        prepare("nadir_day/day-dipole", options), tmp_path / "whole"
+    ).results.close()
     count, saved = [0], np.savez
 
     def full(file: IO[bytes], *arrays: Any, **more: Any) -> None:
@@ -127,7 +129,7 @@ def test_a_full_disk_while_one_is_written(tmp_path, monkeypatch):
 
     with monkeypatch.context() as patched:
         patched.setattr(checkpoint.np, "savez", full)
-        run = simulate(prepare("nadir_day/day-dipole", given), tmp_path / "full")
+        run = simulate(prepare("nadir_day/day-dipole", options), tmp_path / "full")
     assert (run.code, run.manifest["status"]) == (Exit.SPACE, "no space")
     run.results.close()
     assert checkpoint.newest(tmp_path / "full").k == 10
@@ -156,9 +158,9 @@ def test_what_a_component_changes_is_put_back_at_each(
     able = 'canGetAndSetFMUstate="true" canSerializeFMUstate="true"/>'
     text = DESCRIPTION.format(identifier="failing").replace("/>", f" {able}", 1)
     fmu(system / "resources/failing.fmu", binary, description=text)
-    given = options("ROUNDED", isolate=isolate, checkpoint=6.0)
-    runs = [simulate(prepare(str(system), given), tmp_path / "whole")]
-    broken(str(system), given, tmp_path / "broken", monkeypatch, 6)
+    run_options = options("ROUNDED", isolate=isolate, checkpoint=6.0)
+    runs = [simulate(prepare(str(system), run_options), tmp_path / "whole")]
+    broken(str(system), run_options, tmp_path / "broken", monkeypatch, 6)
     runs.append(resume(tmp_path / "broken"))
     for run in runs:
         y = run.results.values("bad.y")
@@ -227,7 +229,7 @@ def test_a_folder_is_one_runs_alone(desat, tmp_path):
 def test_killed_at_random_moments(tmp_path):
     """Checkpoints so frequent that it is often killed while it writes one. `python -m
     benchmarks.killed` kills a hundred."""
-    given = (
+    cases = (
         "nadir_day/day-dipole",
         "--stop",
         "3000",
@@ -235,38 +237,38 @@ def test_killed_at_random_moments(tmp_path):
         "100",
         "--no-baseline",
     )
-    found = list(trials(2, given, tmp_path, 1))
+    found = list(trials(2, cases, tmp_path, 1))
     assert [x for x in found if not x.startswith("equal")] == []
 
 
-@pytest.mark.parametrize("what", ["FMU", "file", "package", "machine"])
-def test_resume_refuses_what_is_another(tmp_path, monkeypatch, what):
+@pytest.mark.parametrize("fault", ["FMU", "file", "package", "machine"])
+def test_resume_refuses_what_is_another(tmp_path, monkeypatch, fault):
     """Each of what docs/failures.md names is told as it was and as it is; the folder
     stays."""
     mine = tmp_path / "mine.fmu"
     shutil.copy(paths.fmus() / "native" / "controller_pd.fmu", mine)
     file = tmp_path / "mine.toml"
     file.write_text('extends = "nadir_day/day-dipole"\ntitle = "T"\n')
-    given = Options(
+    options = Options(
         sources=[f"controller={mine}"], stop=40.0, checkpoint=10.0, isolate="none"
     )
-    broken(str(file), given, tmp_path / "a", monkeypatch, 30)
+    broken(str(file), options, tmp_path / "a", monkeypatch, 30)
     before = {p: p.read_bytes() for p in (tmp_path / "a").rglob("*") if p.is_file()}
     known = identity.versions()
-    if what == "FMU":
+    if fault == "FMU":
         with zipfile.ZipFile(mine, "a") as archive:
             archive.writestr("resources/new.txt", "x")
-        told = r"(digest|fmus\.controller) was .*, and is "
-    elif what == "file":
+        message = r"(digest|fmus\.controller) was .*, and is "
+    elif fault == "file":
         file.write_text(
             file.read_text() + "[parameters.environment]\neccentricity = 0.1\n"
         )
-        told = r"environment.* was .*, and is .*0\.1"
+        message = r"environment.* was .*, and is .*0\.1"
     else:
-        name = {"package": "numpy", "machine": "platform"}[what]
+        name = {"package": "numpy", "machine": "platform"}[fault]
         monkeypatch.setattr(made_by, "versions", lambda: {**known, name: "another"})
-        told = rf"versions\.{name} was {re.escape(known[name])}, and is another"
-    with pytest.raises(DesatError, match=told):
+        message = rf"versions\.{name} was {re.escape(known[name])}, and is another"
+    with pytest.raises(DesatError, match=message):
         resume(tmp_path / "a")
     assert {
         p: p.read_bytes() for p in (tmp_path / "a").rglob("*") if p.is_file()

@@ -272,8 +272,8 @@ def test_draws_do_not_depend_on_count_or_processes():
 
 def test_a_small_campaign_prints_statistics_of_the_same_draws(desat, tmp_path):
     short = ("campaign", NAME, "-n", "3", "--seed", "5", "--jobs", "1", "--out", "c")
-    said = desat(*short, cwd=tmp_path, check=True).stdout.splitlines()
-    assert said[1].split() == [
+    outcome = desat(*short, cwd=tmp_path, check=True).stdout.splitlines()
+    assert outcome[1].split() == [
         "number",
         "median",
         "5",
@@ -286,14 +286,14 @@ def test_a_small_campaign_prints_statistics_of_the_same_draws(desat, tmp_path):
         "not",
         "reached",
     ]
-    assert said[7].endswith("more numbers in the report; --all prints them")
-    told = json.loads(
+    assert outcome[7].endswith("more numbers in the report; --all prints them")
+    answer = json.loads(
         desat("campaign", "report", "c", "--json", cwd=tmp_path, check=True).stdout
     )
     drawn = draws(NAME, 3, 5, Options(), 1).summary
     assert len(drawn) > 5
     for name, entry in drawn.items():
-        assert [told["numbers"][name][k] for k in ("median", "min", "max")] == [
+        assert [answer["numbers"][name][k] for k in ("median", "min", "max")] == [
             entry.levels[k] for k in ("median", "min", "max")
         ]
 
@@ -358,12 +358,12 @@ def test_a_foreign_manager_needs_only_what_its_law_wants(desat, tmp_path, lean_m
         for name in ("m_cmd_body", "tau_cmd_thruster_body", "tau_cmd_wheel")
         for i in range(1, 5 if name == "tau_cmd_wheel" else 4)
     ]
-    whole = f"manager={lean_manager(*outputs)}"
+    full = f"manager={lean_manager(*outputs)}"
     result = desat(
         "run",
         NAME,
         "--source",
-        whole,
+        full,
         "--no-baseline",
         "--json",
         "--stop",
@@ -489,11 +489,11 @@ def test_completion_offers_names(apart):
 
 def test_shared_parameter(desat, tmp_path):
     """Every component that has the parameter gets it; a wrong name is a line."""
-    given = ("--stop", "2", "--json", "--no-baseline", "--out", str(tmp_path / "a"))
+    cases = ("--stop", "2", "--json", "--no-baseline", "--out", str(tmp_path / "a"))
     result = desat(
         "run",
         "gyrostat/free",
-        *given,
+        *cases,
         "--set",
         "shared.inertia_wheel=9e-3,9e-3,8e-3,0",
         check=True,
@@ -521,10 +521,10 @@ def test_exit_codes_and_commands_are_told(desat):
     ]
     listed = [name for cell in first for name in re.findall(r"`(\w+)`", cell)]
     assert sorted(listed) == sorted(get_command(cli.app_for([])).commands)
-    told = " ".join(desat("--help", check=True).stdout.split())
+    outcome = " ".join(desat("--help", check=True).stdout.split())
     for code in Exit:
         assert f"| {int(code)} | {code.meaning} |" in readme
-        assert f"{int(code)} {code.meaning}" in told
+        assert f"{int(code)} {code.meaning}" in outcome
 
 
 def test_a_component_that_fails_is_4(desat, tmp_path):
@@ -673,9 +673,9 @@ def test_each_command_is_in_a_panel_and_has_an_example(desat):
     assert sorted(top.commands) == sorted(
         n for names in console.PANELS.values() for n in names
     )
-    told = desat("--help", check=True).stdout
-    assert [told.index(f"\n{panel}:") for panel in console.PANELS] == sorted(
-        told.index(f"\n{panel}:") for panel in console.PANELS
+    outcome = desat("--help", check=True).stdout
+    assert [outcome.index(f"\n{panel}:") for panel in console.PANELS] == sorted(
+        outcome.index(f"\n{panel}:") for panel in console.PANELS
     )
 
     def ends(path, command):
@@ -741,13 +741,13 @@ def test_units_are_read_without_their_dots(unit, text, value):
 
 def test_a_stop_time_in_orbits_is_that_of_the_craft(desat, tmp_path):
     desat("new", "craft", "mine", "--altitude", "400km", cwd=tmp_path, check=True)
-    told = json.loads(
+    answer = json.loads(
         desat(
             "run", "mine", "--stop", "0.1orbit", "--json", cwd=tmp_path, check=True
         ).stdout
     )
     period = 2.0 * pi * sqrt(6778137.0**3 / MU)
-    assert told["end_time"] == pytest.approx(0.1 * period, rel=2e-3)
+    assert answer["end_time"] == pytest.approx(0.1 * period, rel=2e-3)
     assert draws(str(tmp_path / "mine"), 1, 1, Options(stop="0.01 orbits"), 1).rows
 
 
@@ -774,12 +774,12 @@ def test_a_run_prints_five_numbers_and_all_on_request(desat, tmp_path):
     some = desat(
         "run", NAME, "--stop", "60", "--no-baseline", cwd=tmp_path, check=True
     ).stdout
-    whole = desat(
+    full = desat(
         "run", NAME, "--stop", "60", "--no-baseline", "--all", cwd=tmp_path, check=True
     ).stdout
     rest = int(re.search(r"(\d+) more numbers", some)[1])
-    assert len(whole.splitlines()) - len(some.splitlines()) == rest - 1
-    assert "more numbers" not in whole
+    assert len(full.splitlines()) - len(some.splitlines()) == rest - 1
+    assert "more numbers" not in full
 
 
 def test_abbreviations_are_spelt_out_where_they_head_a_column(desat, tmp_path):
@@ -794,10 +794,10 @@ def test_abbreviations_are_spelt_out_where_they_head_a_column(desat, tmp_path):
 
 
 def test_the_cost_of_a_process_of_its_own_is_said(desat, tmp_path):
-    given = ("run", NAME, "--stop", "20", "--no-baseline")
-    told = desat(*given, "--isolate", "all", cwd=tmp_path, check=True).stderr
+    cases = ("run", NAME, "--stop", "20", "--no-baseline")
+    outcome = desat(*cases, "--isolate", "all", cwd=tmp_path, check=True).stderr
     assert re.search(
         r"note: .*manager.*: in processes of their own, which costs about [\d.]+ us of",
-        told,
+        outcome,
     )
-    assert "costs about" not in desat(*given, cwd=tmp_path, check=True).stderr
+    assert "costs about" not in desat(*cases, cwd=tmp_path, check=True).stderr

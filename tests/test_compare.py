@@ -45,7 +45,7 @@ def test_runs_stand_side_by_side_with_their_differences(desat, craft):
     desat(
         "run", "mine/slow.toml", "--stop", "300", "--out", "slow", cwd=craft, check=True
     )
-    told = desat(
+    outcome = desat(
         "compare",
         "mine",
         "slow",
@@ -55,20 +55,20 @@ def test_runs_stand_side_by_side_with_their_differences(desat, craft):
         "--json",
         cwd=craft,
     )
-    assert told.returncode == Exit.UNMET
-    assert "mine/tight.toml: not met: momentum" in told.stderr
-    made = json.loads(told.stdout)
-    assert made["targets"] == ["mine", "slow", "mine/tight.toml"]
-    entry = made["numbers"]["final_momentum"]
-    kept = json.loads((craft / "slow" / "manifest.json").read_text())["numbers"][
+    assert outcome.returncode == Exit.UNMET
+    assert "mine/tight.toml: not met: momentum" in outcome.stderr
+    answer = json.loads(outcome.stdout)
+    assert answer["targets"] == ["mine", "slow", "mine/tight.toml"]
+    entry = answer["numbers"]["final_momentum"]
+    saved = json.loads((craft / "slow" / "manifest.json").read_text())["numbers"][
         "final_momentum"
     ]
-    assert entry["values"]["slow"] == kept["value"]
+    assert entry["values"]["slow"] == saved["value"]
     assert entry["differences"] == {
         t: pytest.approx(entry["values"]["mine"] - entry["values"][t], rel=1e-12)
-        for t in made["targets"][1:]
+        for t in answer["targets"][1:]
     }
-    page = (craft / made["page"]).read_text()
+    page = (craft / answer["page"]).read_text()
     assert "Wheel momentum" in page
     assert page.count("<svg") == 6, "each plot of the first"
     assert all(colour in page for colour in COLOURS[:3]), "a colour a run"
@@ -89,23 +89,23 @@ def test_runs_stand_side_by_side_with_their_differences(desat, craft):
 
 def test_runs_of_other_length_are_warned_of(desat, craft):
     desat("run", "mine", "--stop", "120", "--out", "short", cwd=craft, check=True)
-    told = desat("compare", "mine", "short", "--stop", "60", cwd=craft)
-    assert "warning: mine ends at 60 s, short at 120 s" in told.stderr
+    outcome = desat("compare", "mine", "short", "--stop", "60", cwd=craft)
+    assert "warning: mine ends at 60 s, short at 120 s" in outcome.stderr
 
 
 def test_draws_are_compared_in_pairs(desat, craft):
     """The same as of the draws of both, flown one by one."""
-    given = ["-n", "7", "--stop", "100", "--json", "--jobs", "1"]
-    told = desat("compare", "mine", "mine/slow.toml", *given, cwd=craft, check=True)
-    made = json.loads(told.stdout)
+    inputs = ["-n", "7", "--stop", "100", "--json", "--jobs", "1"]
+    outcome = desat("compare", "mine", "mine/slow.toml", *inputs, cwd=craft, check=True)
+    answer = json.loads(outcome.stdout)
     one, two = (
         draws(str(craft / x), 7, 1, Options(stop=100.0), jobs=1)
         for x in ("mine", "mine/slow.toml")
     )
     before = {n: x.to_json() for n, x in differences(one, two).items()}
-    assert made["pairs"] == 7
-    assert made["numbers"].keys() == before.keys()
-    for name, entry in made["numbers"].items():
+    assert answer["pairs"] == 7
+    assert answer["numbers"].keys() == before.keys()
+    for name, entry in answer["numbers"].items():
         for key in (
             "median",
             "min",
@@ -117,7 +117,7 @@ def test_draws_are_compared_in_pairs(desat, craft):
             "not_reached",
         ):
             assert entry[key] == before[name][key]
-    entry = made["numbers"]["final_momentum"]
+    entry = answer["numbers"]["final_momentum"]
     each = each_draw(one.rows, two.rows, "final_momentum").values()
     assert entry["interval"] == [min(each), max(each)], "98 % with seven pairs"
     assert entry["share_lower"] == pytest.approx(100.0 * sum(x < 0.0 for x in each) / 7)
@@ -138,8 +138,8 @@ def test_campaigns_are_compared(desat, craft):
             "1",
             cwd=craft,
         )
-    told = desat("compare", "one", "two", "--json", cwd=craft, check=True)
-    assert json.loads(told.stdout)["pairs"] == 3
+    outcome = desat("compare", "one", "two", "--json", cwd=craft, check=True)
+    assert json.loads(outcome.stdout)["pairs"] == 3
     for arguments, text in (
         (
             ["mine"],
@@ -180,16 +180,16 @@ def test_a_run_has_nothing_to_draw(desat, craft):
 
 
 def test_numbers_of_other_units_have_no_difference():
-    class Told:
+    class Answer:
         def __init__(self, **numbers):
             self.manifest = type("M", (), {"numbers": numbers})
 
     rows = compare.rows_of(
         [
-            Told(
+            Answer(
                 a=Value("A", 1.0, "m"), b=Value("B", None, "s"), c=Value("C", 3.0, "1")
             ),
-            Told(
+            Answer(
                 a=Value("A", 2.0, "km"),
                 b=Value("B", 2.0, "s"),
                 c=Value("C", 3.0 + 1e-15, "1"),
@@ -226,15 +226,15 @@ class Nothing(TorquerDumping):
 
 
 @pytest.fixture
-def laws(desat, craft, kept={}):  # noqa: B006 (once for all tests of the module)
+def laws(desat, craft, stored_values={}):  # noqa: B006 (once for all tests of the module)
     """`mine` flown law by law for ten minutes, with two laws of the user's own."""
-    if kept:
-        return kept["laws"]
+    if stored_values:
+        return stored_values["laws"]
     desat("new", "law", "my_law", cwd=craft, check=True)
     (craft / "idle.py").write_text(IDLE)
     fmu = str(paths.fmus() / "native" / "manager_closed_loop.fmu")
     mine = [x for file in ("my_law.py", "idle.py", fmu) for x in ("--law", file)]
-    kept["laws"] = desat(
+    stored_values["laws"] = desat(
         "compare",
         "mine",
         "--laws",
@@ -248,12 +248,12 @@ def laws(desat, craft, kept={}):  # noqa: B006 (once for all tests of the module
         cwd=craft,
         check=True,
     )
-    return kept["laws"]
+    return stored_values["laws"]
 
 
 def test_a_craft_is_flown_with_each_law_that_fits(laws, craft):
-    made = json.loads(laws.stdout)
-    by_name = {law["name"]: law for law in made["laws"]}
+    answer = json.loads(laws.stdout)
+    by_name = {law["name"]: law for law in answer["laws"]}
     assert by_name.keys() == {
         "cross product",
         "ccpl",
@@ -261,40 +261,42 @@ def test_a_craft_is_flown_with_each_law_that_fits(laws, craft):
         "my law",
         "manager closed loop",
     }
-    assert [law["values"]["peak"] for law in made["laws"]] == sorted(
-        law["values"]["peak"] for law in made["laws"]
+    assert [law["values"]["peak"] for law in answer["laws"]] == sorted(
+        law["values"]["peak"] for law in answer["laws"]
     )
     assert by_name["cross product"]["own"]
     assert by_name["my law"]["gains"]["gain"].startswith("craft.rate = ")
-    own = by_name["cross product"]["values"]
+    own_value = by_name["cross product"]["values"]
     assert by_name["my law"]["values"]["peak"] == pytest.approx(
-        own["peak"], rel=1e-6
+        own_value["peak"], rel=1e-6
     ), "the same law at the same rate"
-    assert by_name["predictive"]["values"]["peak"] != own["peak"]
-    why = {r["name"]: r["why"] for r in made["refused"]}
-    assert why["combined"].startswith("it needs thrusters")
-    assert why["idle"] == "it flew, and commanded neither dipole nor thrusters"
-    page = (craft / made["page"]).read_text()
+    assert by_name["predictive"]["values"]["peak"] != own_value["peak"]
+    reason = {r["name"]: r["why"] for r in answer["refused"]}
+    assert reason["combined"].startswith("it needs thrusters")
+    assert reason["idle"] == "it flew, and commanded neither dipole nor thrusters"
+    page = (craft / answer["page"]).read_text()
     assert page.count("<svg") == 3 + 6, (
         "the first criterion over each other, and each plot"
     )
     assert "does not take" not in laws.stderr, "what the own manager had is no matter"
-    assert made["comparison"]["targets"][0] == "cross product"
+    assert answer["comparison"]["targets"][0] == "cross product"
 
 
 def test_numbers_of_laws_are_those_of_their_runs(laws, craft, desat):
     """What `compare` says of a law is what `run` says with the manager and gains that
     it names."""
-    made = json.loads(laws.stdout)
-    (ccpl,) = [law for law in made["laws"] if law["name"] == "ccpl"]
+    answer = json.loads(laws.stdout)
+    (ccpl,) = [law for law in answer["laws"] if law["name"] == "ccpl"]
     sets = [x for k, v in ccpl["set"].items() for x in ("--set", f"{k}={v}")]
-    told = desat("run", "mine", "--stop", "600", "--json", *sets, cwd=craft, check=True)
-    numbers = json.loads(told.stdout)["numbers"]
+    outcome = desat(
+        "run", "mine", "--stop", "600", "--json", *sets, cwd=craft, check=True
+    )
+    numbers = json.loads(outcome.stdout)["numbers"]
     assert ccpl["values"]["duty"] == numbers["coil_duty"]["value"]
     assert ccpl["values"]["peak"] == pytest.approx(
         100.0 - numbers["momentum_margin"]["value"]
     )
-    last = made["comparison"]["numbers"]["final_momentum"]["values"]["ccpl"]
+    last = answer["comparison"]["numbers"]["final_momentum"]["values"]["ccpl"]
     assert last == numbers["final_momentum"]["value"]
 
 
@@ -307,7 +309,7 @@ def test_who_beats_whom():
 
 
 @pytest.mark.parametrize(
-    ("given", "line"),
+    ("values", "line"),
     [
         (
             ["mine", "--laws", "predictve"],
@@ -327,8 +329,8 @@ def test_who_beats_whom():
         (["mine", "--laws", "all", "-n", "5"], "-n: --laws flies each law once"),
     ],
 )
-def test_wrong_choices_are_refused_in_a_line(desat, craft, given, line):
-    told = desat("compare", *given, cwd=craft)
-    assert told.returncode == Exit.INPUT
-    assert line in told.stderr
-    assert "Traceback" not in told.stderr
+def test_wrong_choices_are_refused_in_a_line(desat, craft, values, line):
+    outcome = desat("compare", *values, cwd=craft)
+    assert outcome.returncode == Exit.INPUT
+    assert line in outcome.stderr
+    assert "Traceback" not in outcome.stderr

@@ -94,8 +94,8 @@ def test_a_saturating_wheel(command, h0):
     y, held, (there, _) = advance(plant, 900.0, 910.0, y, back)
     assert there.end - 900.0 == pytest.approx(0.3 * math.log(2.0), abs=1e-9)
     # from there on its torque goes from zero to the command, as from the start
-    left = motor(command, 910.0 - there.end)
-    assert y[7] == pytest.approx(full - left, abs=1e-10)
+    remaining = motor(command, 910.0 - there.end)
+    assert y[7] == pytest.approx(full - remaining, abs=1e-10)
 
 
 def test_a_full_wheel_on_a_turning_body():
@@ -114,7 +114,7 @@ def test_a_full_wheel_on_a_turning_body():
     for t in range(60):
         y, held, _ = advance(plant, float(t), t + 1.0, y, held)
         omega, h = plant.motion(t + 1.0, y, held)
-        assert min(plant.room(i, omega, h) for i in range(3)) > -1e-12
+        assert min(plant.margin(i, omega, h) for i in range(3)) > -1e-12
         momenta.append(h[0])
     assert held.pinned == (1, 0, -1, 0)
     assert inertial(plant, y) == pytest.approx(start, abs=1e-11)
@@ -251,8 +251,8 @@ def test_a_loop_learns_the_friction():
         }
     ).plant
     y, _, _ = advance(plant, 0.0, 5.0, plant.start_state(), Held())
-    lost = 5e-4 * -math.expm1(-3.5) / 0.7
-    assert y[H] == pytest.approx([0.5 - lost, -1.5 + lost, 0.8 - lost, 0.0], abs=1e-14)
+    loss = 5e-4 * -math.expm1(-3.5) / 0.7
+    assert y[H] == pytest.approx([0.5 - loss, -1.5 + loss, 0.8 - loss, 0.0], abs=1e-14)
     assert y[15] == pytest.approx(5e-4 * -math.expm1(-3.5), abs=1e-15)
     # what the motor gives in all stays within its limit
     strong = gyrostat(

@@ -63,7 +63,7 @@ def wires(system) -> set[str]:
     return {str(c) for c in system.connections}
 
 
-def made(folder, text: str = GOOD):
+def builder_of(folder, text: str = GOOD):
     file = folder / "mine.toml"
     file.write_text(text, encoding="utf-8")
     return Builder(craft.read(file))
@@ -125,7 +125,7 @@ def test_every_usual_source_is_an_output_that_fits():
 
 
 def test_what_a_craft_says_goes_before_the_usual(tmp_path):
-    system = made(tmp_path)
+    system = builder_of(tmp_path)
     found = wires(system)
     assert "magnetometer_2.b_body[1] -> manager.b_body[1]" in found
     assert "magnetometer.b_body[1] -> manager.b_body[1]" not in found
@@ -152,16 +152,18 @@ def test_an_fmu_stands_beside_the_craft_file(tmp_path):
     with pytest.raises(
         DesatError, match=r"components.manager = fmus/other.fmu: no such file"
     ):
-        made(tmp_path, text)
+        builder_of(tmp_path, text)
     (tmp_path / "fmus").mkdir()
     shutil.copy(paths.fmus() / "manager_combined.fmu", tmp_path / "fmus" / "other.fmu")
-    system = made(tmp_path, text)
+    system = builder_of(tmp_path, text)
     assert system.components["manager"].fmu.path == tmp_path / "fmus" / "other.fmu"
-    assert wires(system) == wires(made(tmp_path))
+    assert wires(system) == wires(builder_of(tmp_path))
 
 
 def test_ideal_sources_stand_in_for_missing_sensors(tmp_path):
-    found = wires(made(tmp_path, GOOD.replace('tachometers = "tachometers"\n', "")))
+    found = wires(
+        builder_of(tmp_path, GOOD.replace('tachometers = "tachometers"\n', ""))
+    )
     assert "spacecraft.h_copy_wheel[4] -> manager.h_wheel[4]" in found
 
 
@@ -292,12 +294,12 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize("what", BAD)
-def test_a_bad_craft_file_is_one_line(what, tmp_path):
-    old, new, expected = BAD[what]
+@pytest.mark.parametrize("fault", BAD)
+def test_a_bad_craft_file_is_one_line(fault, tmp_path):
+    old, new, expected = BAD[fault]
     assert GOOD.count(old) >= 1
     with pytest.raises(DesatError) as error:
-        made(tmp_path, GOOD.replace(old, new, 1))
+        builder_of(tmp_path, GOOD.replace(old, new, 1))
     (line,) = str(error.value).splitlines()
     assert line.startswith(str(tmp_path / "mine.toml"))
     assert expected in line
@@ -307,7 +309,7 @@ def test_a_craft_file_gives_a_parameter_as_another(tmp_path):
     """As a scenario may; it took texts for choices alone."""
     line = 'm_limit = "torquers.m_limit"'
     text = GOOD.replace("[parameters.manager]", f"[parameters.manager]\n{line}")
-    builder = made(tmp_path, text)
+    builder = builder_of(tmp_path, text)
     assert builder.components["manager"].references == {"m_limit": "torquers.m_limit"}
     _, components = builder.build()
     limit = components["torquers"].values["m_limit"]
@@ -321,7 +323,7 @@ def test_no_file_and_no_utf8(tmp_path):
     with pytest.raises(DesatError, match=r"mine.toml: not UTF-8"):
         craft.read(tmp_path / "mine.toml")
     with pytest.raises(DesatError, match=r"there is no component"):
-        made(tmp_path, "title = ''")
+        builder_of(tmp_path, "title = ''")
 
 
 @pytest.fixture

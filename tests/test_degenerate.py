@@ -12,16 +12,16 @@ LINE = "1,1,-1,1,0,0,0,0,0,0,0,0"
 
 
 @pytest.mark.parametrize(
-    ("axes", "told"),
+    ("axes", "message"),
     [
         (PLANE, "they lie in a plane: no wheel turns the craft about (0, 0, "),
         (LINE, "all are along (1, 0, 0): no wheel turns the craft about another"),
     ],
 )
-def test_wheels_that_leave_an_axis_alone_are_refused(desat, axes, told):
+def test_wheels_that_leave_an_axis_alone_are_refused(desat, axes, message):
     done = desat("check", "nadir_day/day-dipole", "--set", f"shared.axes_wheel={axes}")
     assert done.returncode == Exit.UNMET
-    assert [x for x in done.stderr.splitlines() if "axes_wheel: " in x and told in x]
+    assert [x for x in done.stderr.splitlines() if "axes_wheel: " in x and message in x]
     plain = desat("check", "nadir_day/day-dipole", check=True)
     assert "no wheel turns" not in plain.stderr
 

@@ -57,7 +57,7 @@ MOVES_NO_BIT = {
 USES = declared(ScenarioTable)
 
 
-class Said(dict):
+class Content(dict):
     """What a scenario says, right or wrong."""
 
     as_json = dict.copy
@@ -99,16 +99,16 @@ def changes(x: Any) -> Iterator[tuple[str, str, Any]]:
             continue  # it follows from the others
         value = getattr(x, f.name)
         if is_dataclass(value):
-            for kind, name, made in changes(value):
-                yield kind, name, replace(x, **{f.name: made})
+            for kind, name, result in changes(value):
+                yield kind, name, replace(x, **{f.name: result})
             continue
         yield type(x).__name__, f.name, replace(x, **{f.name: other(value)})
         items = list(value.items()) if isinstance(value, Mapping) else []
         items += list(enumerate(value)) if isinstance(value, tuple) else []
         for key, entry in {repr(k): (k, e) for k, e in items[:1] + items[-1:]}.values():
             if is_dataclass(entry):
-                for kind, name, made in changes(entry):
-                    yield kind, name, replace(x, **{f.name: _with(value, key, made)})
+                for kind, name, result in changes(entry):
+                    yield kind, name, replace(x, **{f.name: _with(value, key, result)})
             elif isinstance(value, Mapping) and not isinstance(entry, Mapping):
                 changed = _with(value, key, other(entry))
                 yield type(x).__name__, f.name, replace(x, **{f.name: changed})
@@ -123,17 +123,17 @@ def _with(table: Any, key: Any, value: Any) -> Any:
 def test_every_field_of_a_resolved_system_is_in_the_digest():
     """But for those that move no bit, which are these."""
     system, _ = prepare("integrated/mil-nadir", Options(blocks=True)).or_raise()
-    numbers = Said(
+    numbers = Content(
         numbers=system.about.as_json()["numbers"]
     )  # of the rest of a content: below
     system = replace(system, about=numbers, output_classes={"manager.mode": "state"})
     computes = dict.fromkeys([*system.components, "x"], "1")
     before, seen, silent = digest(system, computes), set(), set()
-    for kind, name, made in changes(system):
+    for kind, name, result in changes(system):
         seen.add((kind, name))
         if name == "components" and kind == "System":
-            computes.update(dict.fromkeys(made.components, "1"))
-        if digest(made, computes) == before:
+            computes.update(dict.fromkeys(result.components, "1"))
+        if digest(result, computes) == before:
             silent.add((kind, name))
     assert {"System", "Component", "Connection", "Interface", "Signal"} <= {
         k for k, _ in seen
@@ -152,15 +152,15 @@ def test_what_computes_a_component_and_options_are_in_it():
     assert digest(system, {**one, "spacecraft": "2"}, Options()) != before
     aside = {f.name for f in fields(Options) if f.metadata["aside"]}  # each must say
     for f in fields(Options):
-        made = Options()
+        result = Options()
         value = "jacobi" if f.name == "algorithm" else object()
         object.__setattr__(
-            made, f.name, 7 if f.name not in aside and value is not str else value
+            result, f.name, 7 if f.name not in aside and value is not str else value
         )
         if f.name not in aside:
-            assert digest(system, one, made) != before, f.name
+            assert digest(system, one, result) != before, f.name
         else:
-            assert digest(system, one, made) == before, f.name
+            assert digest(system, one, result) == before, f.name
     assert {"algorithm", "halvings", "every"} <= {
         f.name for f in fields(Options)
     } - aside
@@ -174,11 +174,11 @@ def test_neither_order_nor_texts_of_a_content_count_but_all_else_of_it():
     before = digest(system, one)
 
     def of(**content: Any) -> str:
-        return digest(replace(system, about=Said({**about, **content})), one)
+        return digest(replace(system, about=Content({**about, **content})), one)
 
     mirrored = dict(reversed(system.components.items()))
-    made = replace(system, components=mirrored, connections=system.connections[::-1])
-    assert digest(made, one) == before
+    result = replace(system, components=mirrored, connections=system.connections[::-1])
+    assert digest(result, one) == before
     number = about["numbers"]["pointing"]
     assert of(title="x", description="x") == before
     assert (
@@ -193,18 +193,20 @@ def test_neither_order_nor_texts_of_a_content_count_but_all_else_of_it():
         assert of(**{key: {}}) != before or key not in about, key
     assert of(stop_when={"signal": "manager.mode", "reaches": 1}) != before
     assert of(residual_bound=1.0) != before
-    assert digest(replace(system, about=Said(reversed(about.items()))), one) == before
+    assert (
+        digest(replace(system, about=Content(reversed(about.items()))), one) == before
+    )
 
 
 @pytest.mark.parametrize("name", ["integrated/mil-nadir", "uosat12/table3-ocdc-ilqr-1"])
 def test_native_and_python_fmus_and_bare_blocks_are_one(name):
     """They give the same bits, and so have the same digest; packed, too."""
-    made = {
+    results = {
         plan.digest_of(name, o)
         for o in (Options(), Options(fmus="python"), Options(blocks=True))
     }
-    assert len(made) == 1
-    assert comparable(made.pop())
+    assert len(results) == 1
+    assert comparable(results.pop())
 
 
 def test_a_packed_system_has_the_digest_of_its_scenario(tmp_path):
@@ -266,9 +268,9 @@ def mine(tmp_path) -> Path:
     return folder / "mine.toml"
 
 
-def one_line(said: Any) -> bool:
+def one_line(message: Any) -> bool:
     """Whether there is nothing but a line of error, after warnings."""
-    lines = [x for x in said.stderr.splitlines() if not x.startswith("warning: ")]
+    lines = [x for x in message.stderr.splitlines() if not x.startswith("warning: ")]
     return len(lines) == 1 and lines[0].startswith("error: ")
 
 
@@ -284,32 +286,34 @@ def test_a_campaign_does_not_go_on_with_another_wiring(mine, tmp_path, desat):
     folder = tmp_path / "campaign"
     begun = ("campaign", str(mine), "--out", str(folder), "--jobs", "1", "-n")
     assert desat(*begun, "2").returncode in (0, 1)
-    kept = store.digest(folder)
+    saved = store.digest(folder)
     rewire(mine)
     for command in ((*begun, "4"), ("campaign", "case", str(folder), "1")):
-        said = desat(*command)
-        assert said.returncode == Exit.INPUT, command
+        outcome = desat(*command)
+        assert outcome.returncode == Exit.INPUT, command
         assert (
             "mine.toml is not what it was when the campaign began: wiring"
-            in said.stderr
+            in outcome.stderr
         )
-        assert "--out ANOTHER` begins anew" in said.stderr
-        assert one_line(said)
-    assert store.digest(folder) == kept
-    said = desat("campaign", "report", str(folder))
-    assert said.returncode in (0, 1)
-    assert "mine.toml is not what it was when the campaign began: wiring" in said.stderr
-    assert "2 of 2 completed" in said.stdout
+        assert "--out ANOTHER` begins anew" in outcome.stderr
+        assert one_line(outcome)
+    assert store.digest(folder) == saved
+    outcome = desat("campaign", "report", str(folder))
+    assert outcome.returncode in (0, 1)
+    assert (
+        "mine.toml is not what it was when the campaign began: wiring" in outcome.stderr
+    )
+    assert "2 of 2 completed" in outcome.stdout
 
 
 def test_a_worker_with_another_wiring_makes_no_case(mine):
-    made, _ = coordinator.planned(str(mine), 4)
+    plan, _ = coordinator.planned(str(mine), 4)
     cluster._compared.clear()
-    assert cluster.unfit(made, False, identity.versions()) == ""
+    assert cluster.unfit(plan, False, identity.versions()) == ""
     cluster._compared.clear()
     rewire(mine)
-    said = cluster.unfit(made, False, identity.versions())
-    assert "mine.toml: its wiring, times, content, parameters or FMUs differ" in said
+    message = cluster.unfit(plan, False, identity.versions())
+    assert "mine.toml: its wiring, times, content, parameters or FMUs differ" in message
     cluster._compared.clear()
 
 
@@ -328,17 +332,17 @@ def test_a_run_does_not_go_on_with_another_wiring(mine, tmp_path, monkeypatch):
 
 def test_a_manifest_says_wiring_and_versions(tmp_path):
     run = simulate(prepare("nadir_day/day-dipole", Options(stop=2.0)), tmp_path / "a")
-    told = run.manifest
+    run_manifest = run.manifest
     system, _ = prepare("nadir_day/day-dipole", Options()).or_raise()
-    assert len(told["connections"]) == len(system.connections)
-    assert told["connections"]["manager.h_wheel[2]"] == {
+    assert len(run_manifest["connections"]) == len(system.connections)
+    assert run_manifest["connections"]["manager.h_wheel[2]"] == {
         "source": "tachometers.h_meas_wheel[2]"
     }
-    assert {"desat", "numpy", "scipy", "python", "platform", "libm"} <= told[
+    assert {"desat", "numpy", "scipy", "python", "platform", "libm"} <= run_manifest[
         "versions"
     ].keys()
-    assert told["versions"]["compiler"]  # there are native FMUs
-    assert comparable(told["digest"])
+    assert run_manifest["versions"]["compiler"]  # there are native FMUs
+    assert comparable(run_manifest["digest"])
     run.results.close()
 
 
@@ -346,16 +350,16 @@ def test_a_transformation_is_in_digest_manifest_and_design():
     system, _ = prepare("plant/light", Options(blocks=True)).or_raise()
     one, first = dict.fromkeys(system.components, "1"), system.connections[0]
     assert isinstance(first, Connection)
-    made = {}
+    results = {}
     for factor, offset in ((1.0, 0.0), (1e3, 0.0), (1.0, 1e-3)):
         wire = replace(first, factor=factor, offset=offset)
         changed = replace(system, connections=(wire, *system.connections[1:]))
-        made[digest(changed, one)] = (
+        results[digest(changed, one)] = (
             plan_of(changed)[f"{first.target}.{first.input}"],
             origin._wire(wire),
         )
-    assert len(made) == len({repr(x[0]) for x in made.values()}) == 3
-    assert len({x[1] for x in made.values()}) == 3
+    assert len(results) == len({repr(x[0]) for x in results.values()}) == 3
+    assert len({x[1] for x in results.values()}) == 3
 
 
 def plan_of(system: Any) -> dict[str, Any]:
@@ -366,15 +370,15 @@ def plan_of(system: Any) -> dict[str, Any]:
 
 def test_the_unit_of_a_value_in_an_ssv_counts(tmp_path):
     """650 km, 650 nautical miles, and what is 650 km in metres."""
-    made = {}
+    results = {}
     for unit, value in (("km", "650"), ("league", "650"), ("m", "650000")):
         folder = tmp_path / unit
         folder.mkdir()
         write_altitude(folder, unit)
         file = folder / "e.ssv"
         file.write_text(file.read_text().replace('value="650"', f'value="{value}"'))
-        made[unit] = plan.digest_of(str(folder), Options(step=10.0, stop=600.0))
-    assert made["km"] == made["m"] != made["league"]
+        results[unit] = plan.digest_of(str(folder), Options(step=10.0, stop=600.0))
+    assert results["km"] == results["m"] != results["league"]
 
 
 def test_stored_draws_are_of_wiring_and_blocks_too(monkeypatch):
@@ -392,10 +396,10 @@ def test_stored_draws_are_of_wiring_and_blocks_too(monkeypatch):
     with monkeypatch.context() as patch:
         layers = type(scenario).layers
 
-        def rewired(self: Any, *given: Any, **more: Any) -> Any:
-            made = layers(self, *given, **more)
-            made[0].connections.pop()
-            return made
+        def rewired(self: Any, *values: Any, **more: Any) -> Any:
+            result = layers(self, *values, **more)
+            result[0].connections.pop()
+            return result
 
         patch.setattr(type(scenario), "layers", rewired)
         assert stored.digest(scenario) != before
@@ -431,22 +435,22 @@ def test_other_versions_are_refused_or_accepted(mine, tmp_path, desat, monkeypat
         now = {**here, name: "0.1-other"}
         with monkeypatch.context() as patch:
             patch.setattr(plan, "versions", lambda now=now: now)
-            said = desat(*begun, "4")
-            assert said.returncode == Exit.INPUT
-            assert f"{name} was {here[name]}, and is 0.1-other" in said.stderr
-            assert "--accept-versions continues" in said.stderr
-            assert one_line(said)
-            said = desat("campaign", "case", str(folder), "1")
-            assert said.returncode == Exit.INPUT
-            assert f"{name} was {here[name]}" in said.stderr
+            outcome = desat(*begun, "4")
+            assert outcome.returncode == Exit.INPUT
+            assert f"{name} was {here[name]}, and is 0.1-other" in outcome.stderr
+            assert "--accept-versions continues" in outcome.stderr
+            assert one_line(outcome)
+            outcome = desat("campaign", "case", str(folder), "1")
+            assert outcome.returncode == Exit.INPUT
+            assert f"{name} was {here[name]}" in outcome.stderr
     assert store.read(folder).num_rows == 2
     before = store.read(folder).to_pylist()
     with monkeypatch.context() as patch:
         patch.setattr(plan, "versions", lambda: {**here, "numpy": "0.1-other"})
-        said = desat(*begun, "4", "--accept-versions")
-    assert said.returncode in (0, 1), said.stderr
+        outcome = desat(*begun, "4", "--accept-versions")
+    assert outcome.returncode in (0, 1), outcome.stderr
     mixed = f"different versions: 2 with numpy 0.1-other; 2 with numpy {here['numpy']}"
-    assert mixed in said.stderr
+    assert mixed in outcome.stderr
     after = store.read(folder).to_pylist()
     assert [r["versions"] for r in after[:2]] == [r["versions"] for r in before]
     assert [json.loads(r["versions"])["numpy"] for r in after[2:]] == ["0.1-other"] * 2
@@ -455,12 +459,13 @@ def test_other_versions_are_refused_or_accepted(mine, tmp_path, desat, monkeypat
 
 
 def test_a_worker_with_another_libm_makes_no_case(mine):
-    made, _ = coordinator.planned(str(mine), 4)
+    plan, _ = coordinator.planned(str(mine), 4)
     here = identity.versions()
     for name in ("desat", "numpy", "platform", "libm"):
-        said = cluster.unfit(made, False, {**here, name: "0.1-other"})
+        message = cluster.unfit(plan, False, {**here, name: "0.1-other"})
         assert (
-            said == f"has {name} {here[name]}, here it is 0.1-other; the same is needed"
+            message
+            == f"has {name} {here[name]}, here it is 0.1-other; the same is needed"
         )
 
 
@@ -472,37 +477,39 @@ def test_a_campaign_of_before_is_read_but_does_not_go_on(mine, tmp_path, desat):
     begun = ("campaign", str(mine), "--out", str(folder), "--jobs", "1", "-n")
     assert desat(*begun, "2").returncode in (0, 1)
     file = folder / plan.PLAN
-    told = json.loads(file.read_text())
-    told["digest"] = "ab" * 32
-    told["versions"] = {k: told["versions"][k] for k in ("desat", "numpy", "python")}
-    file.write_text(json.dumps(told))
+    answer = json.loads(file.read_text())
+    answer["digest"] = "ab" * 32
+    answer["versions"] = {
+        k: answer["versions"][k] for k in ("desat", "numpy", "python")
+    }
+    file.write_text(json.dumps(answer))
     for command in ((*begun, "4"), ("campaign", "case", str(folder), "1")):
-        said = desat(*command)
-        assert said.returncode == Exit.INPUT
-        assert "the desat that the campaign began with kept no digest" in said.stderr
+        outcome = desat(*command)
+        assert outcome.returncode == Exit.INPUT
+        assert "the desat that the campaign began with kept no digest" in outcome.stderr
         count = "4" if command[-1] == "4" else "2"
         assert (
             f"`desat campaign {mine} -n {count} --seed 1 --out ANOTHER` begins"
-            in said.stderr
+            in outcome.stderr
         )
-        assert one_line(said)
-    said = desat("campaign", "report", str(folder))
-    assert said.returncode in (0, 1)
-    assert "2 of 2 completed" in said.stdout
-    assert "kept no digest" in said.stderr
+        assert one_line(outcome)
+    outcome = desat("campaign", "report", str(folder))
+    assert outcome.returncode in (0, 1)
+    assert "2 of 2 completed" in outcome.stdout
+    assert "kept no digest" in outcome.stderr
     assert api.load(folder).sizes["case"] == 2
 
 
 def test_a_run_of_before_is_read_but_does_not_go_on(tmp_path, monkeypatch, desat):
     folder = tmp_path / "a"
-    given = Options(stop=40.0, checkpoint=10.0, sets=["wheels.speed_limit=600.0"])
+    options = Options(stop=40.0, checkpoint=10.0, sets=["wheels.speed_limit=600.0"])
     tell = checkpoint.Checkpoints.save
 
     def of_before(self: checkpoint.Checkpoints) -> None:
-        told = self._tell
+        answer = self._tell
 
         def without() -> dict[str, Any]:
-            state = dict(told())
+            state = dict(answer())
             drop = ("digest", "connections")
             state["manifest"] = {
                 k: v for k, v in state["manifest"].items() if k not in drop
@@ -515,13 +522,13 @@ def test_a_run_of_before_is_read_but_does_not_go_on(tmp_path, monkeypatch, desat
 
     with monkeypatch.context() as patched:
         patched.setattr(checkpoint.Checkpoints, "save", of_before)
-        broken("nadir_day/day-dipole", given, folder, monkeypatch, 30)
+        broken("nadir_day/day-dipole", options, folder, monkeypatch, 30)
     for name in ("manifest.json", "manifest.json.part"):
         if (folder / name).exists():
-            told = json.loads((folder / name).read_text())
-            told.pop("digest")
-            told.pop("connections")
-            (folder / name).write_text(json.dumps(told))
+            answer = json.loads((folder / name).read_text())
+            answer.pop("digest")
+            answer.pop("connections")
+            (folder / name).write_text(json.dumps(answer))
     with pytest.raises(
         DesatError,
         match=(

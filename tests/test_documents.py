@@ -56,7 +56,7 @@ def test_links_lead_somewhere(page: Path) -> None:
 # --- commands in pages ----------------------------------------------------------------
 
 
-TOLD = [p for p in PAGES if p.name != "CHANGELOG.md"]
+CURRENT_PAGES = [p for p in PAGES if p.name != "CHANGELOG.md"]
 """Pages about today; a changelog names what is gone."""
 FENCED = re.compile(r"^```[^\n]*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 INDENTED = re.compile(r"^(?: {4}|\t)(desat .*)$", re.MULTILINE)
@@ -138,10 +138,10 @@ def wrong_words(command: Any, words: list[str]) -> str:
         and "run" in command.commands
     ):
         known |= {x for p in command.commands["run"].params for x in p.opts}
-    given = (
+    cases = (
         w.partition("=")[0].rstrip(".,;") for w in words if re.match(r"--?[a-zA-Z]", w)
     )
-    return ", ".join(f"no option {w}" for w in given if w not in known)
+    return ", ".join(f"no option {w}" for w in cases if w not in known)
 
 
 def lists_of_commands(text: str) -> Iterator[list[str]]:
@@ -157,11 +157,13 @@ def lists_of_commands(text: str) -> Iterator[list[str]]:
             yield [s for s in bare if re.fullmatch(r"[a-z]+", s)]
 
 
-@pytest.mark.parametrize("page", TOLD, ids=lambda p: str(p.relative_to(ROOT)))
+@pytest.mark.parametrize("page", CURRENT_PAGES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_commands_of_pages_are_there(page: Path) -> None:
     """In blocks, and in running text; with the options that they name."""
     text = page.read_text(encoding="utf-8")
-    wrong = {line: why for line in command_lines(text) if (why := wrong_with(line))}
+    wrong = {
+        line: reason for line in command_lines(text) if (reason := wrong_with(line))
+    }
     for names in lists_of_commands(text):
         wrong |= {
             ", ".join(names): f"no command {n}" for n in names if n not in TREE.commands
@@ -170,7 +172,7 @@ def test_commands_of_pages_are_there(page: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "why"),
+    ("text", "reason"),
     [
         ("Say `desat check FILE` first.", ""),
         ("Say `desat chek FILE` first.", "no command chek"),
@@ -186,11 +188,11 @@ def test_commands_of_pages_are_there(page: Path) -> None:
         ("`desat.run` is Python", ""),
     ],
 )
-def test_a_command_that_is_not_there_is_found(text: str, why: str) -> None:
+def test_a_command_that_is_not_there_is_found(text: str, reason: str) -> None:
     found = [w for line in command_lines(text) if (w := wrong_with(line))]
     for names in lists_of_commands(text):
         found += [f"no command {n}" for n in names if n not in TREE.commands]
-    assert found == ([why] if why else [])
+    assert found == ([reason] if reason else [])
 
 
 @pytest.mark.parametrize(
@@ -210,9 +212,9 @@ def test_the_front_door_says_how_many_values_of_each_paper_are_within_their_band
 
 def test_the_page_of_equality_says_of_how_many_scenarios_it_is() -> None:
     page = (ROOT / "docs" / "equality.md").read_text(encoding="utf-8")
-    ((flown, every),) = re.findall(r"(\d+) of (\d+) scenarios are flown", page)
+    ((flight, every),) = re.findall(r"(\d+) of (\d+) scenarios are flown", page)
     assert int(every) == len(scenarios()), "python -m benchmarks.equality --seconds 0"
-    assert f"| all | {flown} |" in page
+    assert f"| all | {flight} |" in page
 
 
 # --- numbers that nothing holds -------------------------------------------------------
@@ -334,8 +336,8 @@ may stand."""
 def unheld(text: str) -> set[str]:
     """Return the numbers with a unit in a page's prose, without code and what is
     generated."""
-    made = r"<!--[^>]*python -m benchmarks\.\w+[^>]*-->.*?<!-- (?:to|until) here -->"
-    text = re.sub(made, "", text, flags=re.DOTALL)
+    result = r"<!--[^>]*python -m benchmarks\.\w+[^>]*-->.*?<!-- (?:to|until) here -->"
+    text = re.sub(result, "", text, flags=re.DOTALL)
     text = re.sub(r"^```.*?^```|^    .*?$", "", text, flags=re.DOTALL | re.MULTILINE)
     text = re.sub(r"`[^`]*`|\{\{.*?\}\}|\]\([^)]*\)", "`", text)
     return set(NUMBER.findall(re.sub(r"\s+", " ", text)))

@@ -35,18 +35,16 @@ GEO = CraftFacts(
 )
 
 
-def law(**given: object) -> ManagerThreshold:
+def law(**values: object) -> ManagerThreshold:
     block = ManagerThreshold()
-    for name, value in {"begin": 1.0, "end": 0.2, "torque": 0.01, **given}.items():
+    for name, value in {"begin": 1.0, "end": 0.2, "torque": 0.01, **values}.items():
         setattr(block, name, value)
     block.check()
     block.start()
     return block
 
 
-def flown(
-    block: ManagerThreshold, momentum: list[float], steps: int, grows: float = 0.0
-):
+def fly(block: ManagerThreshold, momentum: list[float], steps: int, grows: float = 0.0):
     """Samples of a wheel assembly that takes just what is commanded: momenta, modes,
     torques."""
     h, rows = np.array([*momentum, 0.0]), []
@@ -62,7 +60,7 @@ def flown(
 
 def test_a_dump_goes_from_one_threshold_to_the_other():
     block = law()
-    rows = flown(block, [0.99, 0.0, 0.0], 400, grows=1e-3)
+    rows = fly(block, [0.99, 0.0, 0.0], 400, grows=1e-3)
     dumping = [fill for fill, mode, _ in rows if mode == 1]
     assert max(fill for fill, _, _ in rows) < 1.011, (
         "no sample beyond the first above it"
@@ -80,25 +78,25 @@ def test_a_dump_goes_from_one_threshold_to_the_other():
 def test_an_aligned_dump_waits_for_its_attitude_but_not_for_ever():
     turned = [1.0, 1.0, 0.0]  # |h|_1 / |h| is 1.414
     assert [
-        mode for _, mode, _ in flown(law(aligned=1.1, longest_wait=45.0), turned, 7)
+        mode for _, mode, _ in fly(law(aligned=1.1, longest_wait=45.0), turned, 7)
     ] == ([2] * 5 + [1] * 2)
-    assert [mode for _, mode, _ in flown(law(aligned=1.5), turned, 2)] == [1, 1]
+    assert [mode for _, mode, _ in fly(law(aligned=1.5), turned, 2)] == [1, 1]
 
 
 @pytest.mark.parametrize(
-    ("given", "text"),
+    ("values", "text"),
     [
         ({"end": 1.0}, "end = 1.0 N m s is not below begin"),
         ({"aligned": 0.5}, "is never below 1"),
     ],
 )
-def test_thresholds_that_mean_nothing_are_refused(given, text):
+def test_thresholds_that_mean_nothing_are_refused(values, text):
     with pytest.raises(BlockError, match=text):
-        law(**given)
+        law(**values)
 
 
-@pytest.mark.parametrize(("carried", "given"), [(False, 0.0), (True, 1.0)])
-def test_what_a_pulse_leaves_comes_with_the_next(carried, given):
+@pytest.mark.parametrize(("carried", "values"), [(False, 0.0), (True, 1.0)])
+def test_what_a_pulse_leaves_comes_with_the_next(carried, values):
     """Of a torque whose on-times are a third of the shortest pulse, both ways."""
     block = Thrusters()
     block.carried, block.sample_time, block.least_pulse = carried, 10.0, 0.06
@@ -110,8 +108,8 @@ def test_what_a_pulse_leaves_comes_with_the_next(carried, given):
         block.tau_cmd_thruster_body = (way * 0.02 / 10.0 * block.tau_level[0], 0.0, 0.0)
         block.advance(10.0 * k, 10.0)
         total += 10.0 * block.tau_mean_thruster_body[0]
-    wanted = (240 - 60) * 0.02 * block.tau_level[0]
-    assert total == pytest.approx(given * wanted, abs=0.06 * block.tau_level[0])
+    expected = (240 - 60) * 0.02 * block.tau_level[0]
+    assert total == pytest.approx(values * expected, abs=0.06 * block.tau_level[0])
 
 
 def test_growth_is_between_the_first_event_and_the_last():
@@ -133,12 +131,12 @@ def test_a_run_of_many_millions_of_steps_goes_on():
         def some(self, most: int) -> None:
             master.k += most
 
-    room = SimpleNamespace(steps_before_look=1000, look=lambda: None)
+    recorder_value = SimpleNamespace(steps_before_look=1000, look=lambda: None)
     recorder, never = (
         SimpleNamespace(tick=lambda: None),
         SimpleNamespace(reason=lambda: ""),
     )
-    loop.run(master, Steps(), 2_000_000, recorder, never, observer=room)
+    loop.run(master, Steps(), 2_000_000, recorder, never, observer=recorder_value)
     assert master.k == 2_000_000
 
 
@@ -153,33 +151,35 @@ def geo(tmp_path_factory: pytest.TempPathFactory) -> str:
 def test_the_geo_of_the_notes_is_sized_from_one_line(geo):
     """76.9 uN m on 20 March 2027, 71.4 (12 June) to 80.3 (19 February) over the year, 0.918 dumps a
     week, 1.038 kg a year flown and 0.749 at least, by hand-made files and other code."""
-    made = dumps.size(geo, Options(), SizingRequirements(flown=False))
-    assert np.linalg.norm(made.secular) == pytest.approx(76.9e-6, rel=0.005)
-    least, most = (pick(made.year, key=lambda d: d.secular) for pick in (min, max))
+    sizing = dumps.size(geo, Options(), SizingRequirements(flown=False))
+    assert np.linalg.norm(sizing.secular) == pytest.approx(76.9e-6, rel=0.005)
+    least, most = (pick(sizing.year, key=lambda d: d.secular) for pick in (min, max))
     assert (least.day, most.day) == ("2027-06-12", "2028-02-19")
     assert least.secular == pytest.approx(71.4e-6, rel=0.005)
     assert most.secular == pytest.approx(80.3e-6, rel=0.005)
-    assert made.steady.a_week == pytest.approx(0.918, rel=0.05)
-    assert made.a_year == pytest.approx(1.038, rel=0.05)
-    assert made.least_a_year == pytest.approx(0.749, rel=0.02)
-    assert made.problems == ()
+    assert sizing.steady.a_week == pytest.approx(0.918, rel=0.05)
+    assert sizing.a_year == pytest.approx(1.038, rel=0.05)
+    assert sizing.least_a_year == pytest.approx(0.749, rel=0.02)
+    assert sizing.problems == ()
 
 
 def test_the_model_is_within_5_percent_of_the_closed_loop(tmp_path):
     """A craft in low orbit with thrusters alone, for it dumps often: 3 days, seven
     dumps."""
-    wanted = CraftFacts(
+    facts = CraftFacts(
         sso="600km", size="12U", rods="none", thrusters="4 10mN", dump="thrusters 70:10"
     )
-    write(tmp_path / "mine", wanted, "desat new craft mine")
-    made = dumps.size(
+    write(tmp_path / "mine", facts, "desat new craft mine")
+    sizing = dumps.size(
         str(tmp_path / "mine"),
         Options(stop=3.0 * 86400.0),
         SizingRequirements(year=False),
     )
-    assert made.loop["dumps"] >= 7
-    assert made.steady.a_week == pytest.approx(made.loop["dumps_a_week"], rel=0.05)
-    assert made.steady.a_year == pytest.approx(made.loop["propellant_a_year"], rel=0.05)
+    assert sizing.loop["dumps"] >= 7
+    assert sizing.steady.a_week == pytest.approx(sizing.loop["dumps_a_week"], rel=0.05)
+    assert sizing.steady.a_year == pytest.approx(
+        sizing.loop["propellant_a_year"], rel=0.05
+    )
 
 
 def test_worst_of_a_geo_craft_is_sound(geo):
@@ -188,7 +188,7 @@ def test_worst_of_a_geo_craft_is_sound(geo):
 
 
 @pytest.mark.parametrize(
-    ("given", "text"),
+    ("values", "text"),
     [
         ({"dump": None}, "no rods: --dump says what takes momentum out"),
         ({"dump": "thrusters 10:70"}, "it ends at 70 %, which is not below 10 %"),
@@ -200,8 +200,8 @@ def test_worst_of_a_geo_craft_is_sound(geo):
         ({"panel": "13"}, "area and arm are needed"),
     ],
 )
-def test_a_craft_that_cannot_be_is_refused(tmp_path, given, text):
-    facts = {**{k: v for k, v in vars(GEO).items() if v is not None}, **given}
+def test_a_craft_that_cannot_be_is_refused(tmp_path, values, text):
+    facts = {**{k: v for k, v in vars(GEO).items() if v is not None}, **values}
     with pytest.raises(DesatError) as error:
         write(tmp_path / "x", CraftFacts(**facts), "")
     assert text in str(error.value)
@@ -210,14 +210,14 @@ def test_a_craft_that_cannot_be_is_refused(tmp_path, given, text):
 
 def test_a_dump_is_of_whole_pulses_which_the_wheels_take_up():
     block = law(pulse_body=(0.03, 0.0, 0.04))
-    rows = flown(block, [1.0, 0.3, 0.0], 60)
-    given = np.array([10.0 * n for _, mode, n in rows if mode == 1])
-    assert np.allclose(given[:, 0] / 0.03, np.round(given[:, 0] / 0.03))
-    assert not given[:, 2].any(), "no momentum, no pulse"
-    assert given[:, 0].sum() == pytest.approx(-0.8, abs=0.06), (
+    rows = fly(block, [1.0, 0.3, 0.0], 60)
+    inputs = np.array([10.0 * n for _, mode, n in rows if mode == 1])
+    assert np.allclose(inputs[:, 0] / 0.03, np.round(inputs[:, 0] / 0.03))
+    assert not inputs[:, 2].any(), "no momentum, no pulse"
+    assert inputs[:, 0].sum() == pytest.approx(-0.8, abs=0.06), (
         "what is left comes with the next"
     )
-    assert (given[:, 1] != 0.0).all(), (
+    assert (inputs[:, 1] != 0.0).all(), (
         "an axis without a shortest pulse has any impulse"
     )
 
@@ -227,24 +227,24 @@ def test_what_a_sample_leaves_of_a_pulse_comes_with_the_next_samples():
     part about x: after each sample all that was wanted so far has been fired, to within
     a pulse."""
     pulse, start = np.array([0.03, 0.05, 1e-9]), np.array([1.0, 0.2, 0.0])
-    rows = flown(law(pulse_body=tuple(pulse), end=0.05), start.tolist(), 8)
+    rows = fly(law(pulse_body=tuple(pulse), end=0.05), start.tolist(), 8)
     fired = np.cumsum([10.0 * n for _, _, n in rows], axis=0)
     h = np.vstack([start, start + fired[:-1]])
-    wanted = np.cumsum(
+    expected = np.cumsum(
         -0.1 * h / np.linalg.norm(h, axis=1)[:, None], axis=0
     )  # 0.01 N m, 10 s
-    assert abs(wanted[0, 1]) < pulse[1], "no sample alone fires about y"
-    assert (np.abs(fired - wanted) < pulse).all()
+    assert abs(expected[0, 1]) < pulse[1], "no sample alone fires about y"
+    assert (np.abs(fired - expected) < pulse).all()
 
 
 def test_a_dump_whose_rest_is_no_pulse_ends():
     """It stayed in its dump for ever: less than half a pulse about each axis was left,
     and more than a sample's torque."""
     block = law(pulse_body=(0.3, 0.3, 0.3), end=0.9, torque=1e-3)
-    rows = flown(block, [1.0, 0.9, 0.9], 60)
+    rows = fly(block, [1.0, 0.9, 0.9], 60)
     assert sum(mode == 1 for _, mode, _ in rows) < 60
-    (told,) = block.foresee(0.0, 1.0, frozenset({"tau_cmd_thruster_body", "h_wheel"}))
-    assert "a dump may fire nothing" in told
+    (answer,) = block.foresee(0.0, 1.0, frozenset({"tau_cmd_thruster_body", "h_wheel"}))
+    assert "a dump may fire nothing" in answer
 
 
 @pytest.mark.parametrize(

@@ -134,9 +134,9 @@ def test_a_bug_of_ours_says_how_to_see_where(desat, monkeypatch):
 
 @pytest.mark.parametrize("number", [1, 15])
 def test_a_signal_to_stop_is_its_exit_code(number):
-    with pytest.raises(SystemExit) as left:
+    with pytest.raises(SystemExit) as raised:
         cli._terminate(number, None)
-    assert left.value.code == 128 + number
+    assert raised.value.code == 128 + number
 
 
 SWALLOWED = """
@@ -192,9 +192,9 @@ def test_a_full_disk_is_known_by_what_an_error_came_from():
         (None, chained(None, full), True),
     ):
         assert is_full(chained(cause, context)) == known
-    own = chained(None, None)
-    own.__cause__ = own
-    assert not is_full(own)
+    own_value = chained(None, None)
+    own_value.__cause__ = own_value
+    assert not is_full(own_value)
 
 
 # --- input that is refused in one line ------------------------------------------------
@@ -362,8 +362,8 @@ def test_an_archive_without_room_is_not_called_unreadable(
     tmp_path, monkeypatch, number
 ):
     archive = tmp_path / "a.fmu"
-    with zipfile.ZipFile(archive, "w") as made:
-        made.writestr("modelDescription.xml", "<x/>")
+    with zipfile.ZipFile(archive, "w") as new_archive:
+        new_archive.writestr("modelDescription.xml", "<x/>")
 
     def fails(*_: object) -> None:
         raise OSError(number, "no room")
@@ -378,7 +378,7 @@ def test_an_archive_without_room_is_not_called_unreadable(
 
 
 @pytest.mark.parametrize(
-    ("said", "number"),
+    ("message", "number"),
     [
         ("error: unable to open 'x.o': 'File too large'", 27),
         ("x.o: No space left on device", 28),
@@ -387,8 +387,8 @@ def test_an_archive_without_room_is_not_called_unreadable(
     ],
 )
 @pytest.mark.parametrize("module", [native, web_module])
-def test_a_compiler_without_room_is_no_bug(tmp_path, module, said, number):
-    command = [sys.executable, "-c", f"import sys; sys.exit({said!r})"]
+def test_a_compiler_without_room_is_no_bug(tmp_path, module, message, number):
+    command = [sys.executable, "-c", f"import sys; sys.exit({message!r})"]
     with pytest.raises(Exception) as ended:  # noqa: PT011
         module._run(command, tmp_path)
     assert getattr(ended.value, "errno", None) == number
@@ -446,13 +446,13 @@ def assert_refused(bad, text):
     behind."""
     before = sorted(p.name for p in bad.iterdir())
     for line in READERS:
-        code, said = commands.ended(line.split(), bad.parent)
-        assert code == Exit.INPUT, (line, said)
-        assert text in said, line
-        assert "internal" not in said
-        assert len(said.splitlines()) == 1
-    made = bad.parent / "made"
-    assert not made.exists() or not list(made.iterdir())
+        code, message = commands.ended(line.split(), bad.parent)
+        assert code == Exit.INPUT, (line, message)
+        assert text in message, line
+        assert "internal" not in message
+        assert len(message.splitlines()) == 1
+    output = bad.parent / "made"
+    assert not output.exists() or not list(output.iterdir())
     assert not (bad.parent / "made.html").exists()
     assert sorted(p.name for p in bad.iterdir()) == before
 
@@ -486,13 +486,13 @@ def assert_refused(bad, text):
 )
 def test_an_altered_manifest_is_refused_with_its_key(bad_run, path, value, text):
     file = bad_run / "manifest.json"
-    told = table = json.loads(file.read_text())
+    answer = table = json.loads(file.read_text())
     if path == ["momentum_balance"]:
         path = [residual.KEY]
     for key in path[:-1]:
         table = table[next(iter(table)) if key == "*" else key]
     table[next(iter(table)) if path[-1] == "*" else path[-1]] = value
-    file.write_text(json.dumps(told))
+    file.write_text(json.dumps(answer))
     assert_refused(bad_run, text)
 
 
@@ -547,9 +547,9 @@ def test_a_series_without_its_unit_is_refused_with_its_name(bad_run):
     with h5py.File(bad_run / "series.h5", "r+") as opened:
         del opened["spacecraft/q_bi"].attrs["unit"]
     line = "export run bad --format csv --out made"
-    code, said = commands.ended(line.split(), bad_run.parent)
+    code, message = commands.ended(line.split(), bad_run.parent)
     assert code == Exit.INPUT
-    assert "series.h5: spacecraft.q_bi, attribute unit, cannot be read" in said
+    assert "series.h5: spacecraft.q_bi, attribute unit, cannot be read" in message
     assert list((bad_run.parent / "made").iterdir()) == []
 
 
@@ -566,8 +566,8 @@ def test_a_folder_of_any_name_is_written(tmp_path, good_run, name):
         f"compare run-{name} {good_run / 'good'} --html made-{name}.html",
     )
     for line in lines:
-        code, said = commands.ended(line.split(), tmp_path)
-        assert code in (0, 1), (line, said)
+        code, message = commands.ended(line.split(), tmp_path)
+        assert code in (0, 1), (line, message)
     page = (tmp_path / f"made-{name}.html").read_bytes().decode()
     assert ("ger\ufffdt" if name == "ger\udce4t" else "ger\u00e4t") in page
 
@@ -589,23 +589,25 @@ SWEPT = study.Sweep("a", {}, 0, None, {}, [], [])
 def test_progress_is_shown_to_people_alone(
     desat, monkeypatch, arguments, module, name, as_json
 ):
-    given = []
+    inputs = []
 
-    def made(*args: object, progress: object = None, **_: object):
-        given.append(args[4] if name == "sweep" else progress)
+    def size_nothing(*args: object, progress: object = None, **_: object):
+        inputs.append(args[4] if name == "sweep" else progress)
         if name == "_draws_of":
             raise DesatError("enough")
         if name == "size":
             return SimpleNamespace(as_json=lambda: {"x": 1}, problems=[])
         return SWEPT
 
-    monkeypatch.setattr(module, name, made)
+    monkeypatch.setattr(module, name, size_nothing)
     monkeypatch.setattr(
-        "desat.cli.commands.size._print_sizing", lambda made: print("people")
+        "desat.cli.commands.size._print_sizing", lambda size_nothing: print("people")
     )
-    monkeypatch.setattr("desat.sizing.page.write_sizing", lambda made, page: page)
+    monkeypatch.setattr(
+        "desat.sizing.page.write_sizing", lambda size_nothing, page: page
+    )
     done = desat(*arguments, *(["--json"] if as_json else []))
-    assert given == ([None] if name == "size" else [not as_json])
+    assert inputs == ([None] if name == "size" else [not as_json])
     if name != "_draws_of":
         assert done.returncode == 0
         assert done.stdout.startswith("{") == as_json
@@ -615,10 +617,10 @@ def test_progress_is_shown_to_people_alone(
     ("problems", "code"), [([], 0), (["a wheel [b] is full"], Exit.UNMET)]
 )
 def test_a_craft_that_cannot_hold_ends_with_1(desat, monkeypatch, problems, code):
-    given = []
+    inputs = []
 
     def size(*args: object) -> SimpleNamespace:
-        given.append(args)
+        inputs.append(args)
         args[-1]("flying")
         return SimpleNamespace(as_json=lambda: {}, problems=problems)
 
@@ -632,9 +634,9 @@ def test_a_craft_that_cannot_hold_ends_with_1(desat, monkeypatch, problems, code
         assert done.stderr.splitlines() == [
             f"it cannot hold: {line}" for line in problems
         ]
-        wishes = given[-1][2]
+        wishes = inputs[-1][2]
         assert (wishes.duty, wishes.flown) == (duty, loop)
-        assert not given[-1][1].blocks
+        assert not inputs[-1][1].blocks
 
 
 @pytest.mark.parametrize(
@@ -667,13 +669,13 @@ def test_tables_are_printed_as_they_are(desat, monkeypatch, tmp_path, origin):
         cell(1.5, values=1.6, definition="how [b] it is"),
         cell(3.0, values=1.5, unit="s"),
     ]
-    told = []
+    messages = []
     monkeypatch.setattr(
         tables_command, "_draws_of", lambda *_, **__: ({"a": 1}, origin)
     )
-    monkeypatch.setattr(tables, "rows", lambda *args: told.append(args) or rows)
+    monkeypatch.setattr(tables, "rows", lambda *args: messages.append(args) or rows)
     monkeypatch.setattr(
-        tables, "write_html", lambda *args: told.append(args) or args[2]
+        tables, "write_html", lambda *args: messages.append(args) or args[2]
     )
     done = desat("tables", "uosat12", "--html", str(tmp_path / "a.html"), "--jobs", "3")
     assert done.returncode == 0
@@ -693,10 +695,10 @@ def test_tables_are_printed_as_they_are(desat, monkeypatch, tmp_path, origin):
         ["draws: computed just now with seed 3 by z"] if origin else []
     )
     assert lines[-1] == f"page: {tmp_path / 'a.html'}"
-    assert told[0][0] == told[1][0] == "uosat12"
-    assert (told[0][2:], told[1][4]) == ((3, {"a": 1}), origin)
+    assert messages[0][0] == messages[1][0] == "uosat12"
+    assert (messages[0][2:], messages[1][4]) == ((3, {"a": 1}), origin)
     assert desat("tables", "uosat12").returncode == 0
-    assert told[-1][2] == Path("runs/tables-uosat12.html")
+    assert messages[-1][2] == Path("runs/tables-uosat12.html")
     as_json = desat("tables", "uosat12", "--json")
     assert json.loads(as_json.stdout)["rows"][0]["ours"] == 1.5
 
@@ -721,20 +723,20 @@ def test_verdicts_alone_are_coloured(desat, monkeypatch):
 def test_a_table_of_a_run_that_failed_ends_as_it(monkeypatch, status):
     options = Options(blocks=True)
     scenarios = [SimpleNamespace(name="a/b"), SimpleNamespace(name="a/c")]
-    made = [
+    results = [
         study.RunRow("completed", 0, "", numbers={"x": 1.0}),
         study.RunRow(
             status, 0 if status == "completed" else 5, "h is nan", numbers={"x": 2.0}
         ),
     ]
 
-    def rows(tasks: list[tuple[object, ...]], *given: object, progress: bool):
+    def rows(tasks: list[tuple[object, ...]], *values: object, progress: bool):
         assert [(task[0], task[1], task[3]) for task in tasks] == [
             ("a/b", options, None),
             ("a/c", options, None),
         ]
-        assert (given, progress) == ((3, "runs"), False)
-        return made
+        assert (values, progress) == ((3, "runs"), False)
+        return results
 
     monkeypatch.setattr(tables, "rows_of_runs", rows)
     if status == "completed":
@@ -743,9 +745,9 @@ def test_a_table_of_a_run_that_failed_ends_as_it(monkeypatch, status):
             "a/c": {"x": 2.0},
         }
     else:
-        with pytest.raises(RunError, match=r"^a/c: failed: h is nan$") as told:
+        with pytest.raises(RunError, match=r"^a/c: failed: h is nan$") as raised:
             tables._single(scenarios, options, 3)
-        assert told.value.code == Exit.TIMEOUT
+        assert raised.value.code == Exit.TIMEOUT
 
 
 def test_a_check_as_json_has_the_order_or_none(desat, tmp_path):
@@ -754,9 +756,13 @@ def test_a_check_as_json_has_the_order_or_none(desat, tmp_path):
     assert {c["timing"] for c in good["connections"]} >= {"at t_k"}
     assert good["problems"] == []
     bad = desat("check", "gyrostat/light", "--stop", "0.05", "--blocks", "--json")
-    told = json.loads(bad.stdout)
-    assert (bad.returncode, told["order"], told["connections"]) == (Exit.UNMET, [], [])
-    assert told["problems"]
+    answer = json.loads(bad.stdout)
+    assert (bad.returncode, answer["order"], answer["connections"]) == (
+        Exit.UNMET,
+        [],
+        [],
+    )
+    assert answer["problems"]
     far = desat("check", "gyrostat/heavy-wheels", "--substeps", "1", "--blocks")
     assert "\nwarning: turn and nutation in a substep" in "\n" + far.stderr
     assert "\nnote: " in far.stderr
@@ -765,7 +771,7 @@ def test_a_check_as_json_has_the_order_or_none(desat, tmp_path):
 def finished(code: int = 0, **more: object) -> Run:
     """A run that ended so."""
     status = "completed" if code < 2 else "failed"
-    told = {
+    results = {
         "status": status,
         "message": "h[b] is nan",
         "steps_done": 3,
@@ -773,14 +779,14 @@ def finished(code: int = 0, **more: object) -> Run:
         "unmet": ["x[b] = 2"] * (code == 1),
         "exit": code if code > 1 else None,
     }
-    run = Run(Manifest.from_json(told), SimpleNamespace())
+    run = Run(Manifest.from_json(results), SimpleNamespace())
     run.manifest = replace(run.manifest, **more)
     return run
 
 
 @pytest.mark.parametrize("csv", [True, False])
 @pytest.mark.parametrize(
-    ("own", "baseline", "code"),
+    ("own_scenario", "baseline", "code"),
     [
         (0, None, 0),
         (1, None, 1),
@@ -795,7 +801,7 @@ def finished(code: int = 0, **more: object) -> Run:
     ],
 )
 def test_a_run_and_its_baseline_end_the_command(
-    monkeypatch, tmp_path, own, baseline, code, csv
+    monkeypatch, tmp_path, own_scenario, baseline, code, csv
 ):
     """Checkpoints go where both have completed; a baseline follows a run that has."""
     done: list[object] = []
@@ -807,25 +813,27 @@ def test_a_run_and_its_baseline_end_the_command(
     monkeypatch.setattr(run_command, "_csv", lambda *_: done.append("csv"))
     monkeypatch.setattr(run_command, "_report_run", lambda *args: done.append(args[-1]))
     monkeypatch.setattr(checkpoint, "remove", lambda folder: done.append(folder.name))
-    for wanted in (True, False):
+    for expected in (True, False):
         done.clear()
-        run, ended = finished(own), 0
+        run, ended = finished(own_scenario), 0
         try:
             run_command.conclude(
                 run,
                 None,
                 tmp_path / "a",
                 csv=csv,
-                baseline=wanted,
+                baseline=expected,
                 everything=False,
                 as_json=csv,
             )
-        except run_command.typer.Exit as left:
-            ended = left.exit_code
-        follows = wanted and own < 2
-        assert ended == (code if follows or own > 1 or not baseline else own)
+        except run_command.typer.Exit as exit_error:
+            ended = exit_error.exit_code
+        follows = expected and own_scenario < 2
+        assert ended == (
+            code if follows or own_scenario > 1 or not baseline else own_scenario
+        )
         theirs = baseline if follows and baseline is not None else 0
-        removed = ["a", run_command.BASELINE] if own < 2 and theirs < 2 else []
+        removed = ["a", run_command.BASELINE] if own_scenario < 2 and theirs < 2 else []
         assert done == ["baseline"] * follows + ["report"] + ["csv"] * csv + removed + [
             csv
         ]
@@ -833,7 +841,7 @@ def test_a_run_and_its_baseline_end_the_command(
 
 def test_what_a_run_says_at_its_end(capsys, tmp_path):
     numbers = {"x": Value("Size of [b]", 2.0, "N.m.s"), "y": Value("Time", None, "s")}
-    own = finished(
+    own_value = finished(
         4,
         numbers=numbers,
         not_checked={"z": "no [b]"},
@@ -843,7 +851,7 @@ def test_what_a_run_says_at_its_end(capsys, tmp_path):
     other = finished(0, numbers={"x": Value("Size of [b]", 3.0, "N.m.s")})
     for baseline in (None, other):
         run_command._report_run(
-            own, baseline, tmp_path, tmp_path / "[b].html", False, False
+            own_value, baseline, tmp_path, tmp_path / "[b].html", False, False
         )
         out, err = capsys.readouterr()
         lines = [" ".join(x.split()) for x in out.splitlines()]
@@ -863,9 +871,12 @@ def test_what_a_run_says_at_its_end(capsys, tmp_path):
     (line,) = capsys.readouterr().out.splitlines()
     assert line.startswith("3 steps")
     for page in (None, tmp_path / "a.html"):
-        run_command._report_run(own, None, tmp_path, page, False, True)
-        told = json.loads(capsys.readouterr().out)
-        assert (told["folder"], told["report"]) == (str(tmp_path), page and str(page))
+        run_command._report_run(own_value, None, tmp_path, page, False, True)
+        answer = json.loads(capsys.readouterr().out)
+        assert (answer["folder"], answer["report"]) == (
+            str(tmp_path),
+            page and str(page),
+        )
 
 
 @pytest.mark.parametrize("code", [0, 4])
@@ -876,11 +887,11 @@ def test_without_room_for_a_report_a_run_that_completed_ends_with_6(code):
             raise full
     else:
         with (
-            pytest.raises(RunError, match=r"^a: its report: ") as told,
+            pytest.raises(RunError, match=r"^a: its report: ") as raised,
             run_command.skip_if_disk_full(finished(code), Path("a"), "report"),
         ):
             raise full
-        assert told.value.code == Exit.SPACE
+        assert raised.value.code == Exit.SPACE
     with (
         pytest.raises(OSError, match="gone"),
         run_command.skip_if_disk_full(finished(code), Path("a"), "x"),
@@ -889,7 +900,7 @@ def test_without_room_for_a_report_a_run_that_completed_ends_with_6(code):
 
 
 @pytest.mark.parametrize(
-    ("number", "text", "code", "said"),
+    ("number", "text", "code", "message"),
     [
         (1, "", 0, []),
         (2, "", Exit.INPUT, ["error: c: case 2: there are 0 to 1"]),
@@ -901,7 +912,7 @@ def test_without_room_for_a_report_a_run_that_completed_ends_with_6(code):
 )
 @pytest.mark.parametrize("row", [None, SimpleNamespace()])
 def test_a_case_made_again_ends_as_it_did(
-    desat, monkeypatch, number, text, code, said, row
+    desat, monkeypatch, number, text, code, message, row
 ):
     compared: list[object] = []
     monkeypatch.setattr(plan, "read", lambda folder: SimpleNamespace(count=2))
@@ -915,11 +926,11 @@ def test_a_case_made_again_ends_as_it_did(
     done = desat("campaign", "case", "c", str(number), *into)
     assert done.returncode == code
     lines = ["error: c: case 0: its craft: the case would differ; begin anew"]
-    assert done.stderr.splitlines() == (lines if said is None else said)
-    made = code != Exit.INPUT
+    assert done.stderr.splitlines() == (lines if message is None else message)
+    result = code != Exit.INPUT
     place = "[o]" if row else "c/[b]"
-    assert done.stdout.splitlines() == [f"{place}/report.html"] * made
-    assert [args[2] for args in compared] == [False] * (made and row is not None)
+    assert done.stdout.splitlines() == [f"{place}/report.html"] * result
+    assert [args[2] for args in compared] == [False] * (result and row is not None)
 
 
 # --- a run in a process of its own ----------------------------------------------------
@@ -995,9 +1006,9 @@ ROWS = SimpleNamespace()
         (Ended({"layout": ROWS}, **DIED), "cut short"),
     ],
 )
-@pytest.mark.parametrize("kept", [True, False])
+@pytest.mark.parametrize("stored_values", [True, False])
 def test_a_supervised_run_ends_as_its_process(
-    monkeypatch, tmp_path, ended, result, kept
+    monkeypatch, tmp_path, ended, result, stored_values
 ):
     """Its folder is removed where nobody has asked for one, whatever comes; the shorter
     of both limits holds for a call."""
@@ -1010,18 +1021,22 @@ def test_a_supervised_run_ends_as_its_process(
     if not ended.exit_text:  # else it is gone already
         scratch.mkdir()
     monkeypatch.setattr(runs.library, "scratch", lambda name: scratch)
-    options = SimpleNamespace(call_limit=3.0, time_limit=2.0 if kept else None)
+    options = SimpleNamespace(call_limit=3.0, time_limit=2.0 if stored_values else None)
     system, schedule = SimpleNamespace(components={}), SimpleNamespace(order=[])
     case = SimpleNamespace(or_raise=lambda: (system, schedule), options=options)
-    given = raised(runs._simulate_apart, case, tmp_path if kept else None, None, False)
-    assert limits == [2.0 if kept else 3.0]
-    if given[1] == (tmp_path if kept else scratch):
-        made = given[0]
-        given = (
-            made if isinstance(made, str) else (made.status, made.message, made.code)
+    inputs = raised(
+        runs._simulate_apart, case, tmp_path if stored_values else None, None, False
+    )
+    assert limits == [2.0 if stored_values else 3.0]
+    if inputs[1] == (tmp_path if stored_values else scratch):
+        outcome = inputs[0]
+        inputs = (
+            outcome
+            if isinstance(outcome, str)
+            else (outcome.status, outcome.message, outcome.code)
         )
-    assert given == result
-    assert scratch.exists() == (kept and not ended.exit_text)
+    assert inputs == result
+    assert scratch.exists() == (stored_values and not ended.exit_text)
 
 
 @pytest.mark.parametrize(
@@ -1065,14 +1080,18 @@ def test_a_run_cut_short_says_how_far_it_came(
     system = SimpleNamespace(start=5.0, step=2.0)
     outcome, _ = runs._cut_short(system, None, tmp_path, ended, ROWS, unwritten, full)
     path, part = tmp_path / "series.h5", tmp_path / "series.h5.part"
-    told = f"{message.format(path)}; {len(times)} rows are kept"
-    assert (outcome.status, outcome.code, outcome.message) == (status, code, told)
+    expected_message = f"{message.format(path)}; {len(times)} rows are kept"
+    assert (outcome.status, outcome.code, outcome.message) == (
+        status,
+        code,
+        expected_message,
+    )
     assert outcome.steps == max(0, len(times) - 1)
     if full:
         assert (opened, outcome.rows) == ([(part, 2)], 2)
     else:
-        whole = files == "series.h5"
-        assert opened == ([] if whole else [(part, "recovered")]) + [(path,)]
+        full_run = files == "series.h5"
+        assert opened == ([] if full_run else [(part, "recovered")]) + [(path,)]
         assert outcome.rows is None
 
 
@@ -1086,29 +1105,29 @@ def test_a_checkpoint_is_saved_every_so_many_steps(
         raise AskedError(every)
 
     monkeypatch.setattr(step_case, "Checkpoints", checkpoints)
-    given = Options(blocks=True, stop=20.0, substeps=1, checkpoint=seconds)
-    with pytest.raises(AskedError) as asked:
-        runs.simulate(runs.prepare("gyrostat/light", given), tmp_path)
-    assert asked.value.args == (every,)
+    options = Options(blocks=True, stop=20.0, substeps=1, checkpoint=seconds)
+    with pytest.raises(AskedError) as requests:
+        runs.simulate(runs.prepare("gyrostat/light", options), tmp_path)
+    assert requests.value.args == (every,)
 
 
 def test_the_time_of_a_run_is_that_of_its_steps(monkeypatch):
-    made, stepping = [], step_case.stepping
+    results, stepping = [], step_case.stepping
     monkeypatch.setattr(
-        step_case, "stepping", lambda *x: made.append(stepping(*x)) or made[0]
+        step_case, "stepping", lambda *x: results.append(stepping(*x)) or results[0]
     )
-    given = Options(blocks=True, stop=20.0, substeps=1)
-    run = runs.simulate(runs.prepare("gyrostat/light", given))
+    options = Options(blocks=True, stop=20.0, substeps=1)
+    run = runs.simulate(runs.prepare("gyrostat/light", options))
     assert run.manifest.us_per_step == pytest.approx(
-        1e6 * made[0].seconds / 20, abs=1.0
+        1e6 * results[0].seconds / 20, abs=1.0
     )
 
 
 @pytest.mark.parametrize("number", [1, 2, 15])
 def test_a_run_that_a_signal_stops_says_which(monkeypatch, number):
     monkeypatch.setattr(step_case, "interruptible", lambda: nullcontext(lambda: number))
-    given = Options(blocks=True, stop=20.0, substeps=1)
-    run = runs.simulate(runs.prepare("gyrostat/light", given))
+    options = Options(blocks=True, stop=20.0, substeps=1)
+    run = runs.simulate(runs.prepare("gyrostat/light", options))
     assert (run.manifest.status, run.code) == ("interrupted", 128 + number)
     assert run.manifest.message.startswith("stopped by the user at t = ")
 
@@ -1119,11 +1138,11 @@ def test_a_run_whose_components_cannot_be_freed_ends_as_the_first(monkeypatch):
         Master.__exit__,
     )
 
-    def left(self: Master, *given: object) -> None:
-        leave(self, *given)
+    def fail_to_free(self: Master, *values: object) -> None:
+        leave(self, *values)
         self.unfreed = ended
 
-    monkeypatch.setattr(Master, "__exit__", left)
+    monkeypatch.setattr(Master, "__exit__", fail_to_free)
     run = runs.simulate(
         runs.prepare("gyrostat/light", Options(blocks=True, stop=20.0, substeps=1))
     )
@@ -1248,9 +1267,9 @@ def test_draws_record_what_their_numbers_need(monkeypatch, substeps, record, loo
 
     monkeypatch.setattr(study, "simulate", simulate)
     options = Options(blocks=True, stop=20.0, substeps=substeps, record=record)
-    with pytest.raises(AskedError) as asked:
+    with pytest.raises(AskedError) as requests:
         study.ran(study.read("gyrostat/light"), options, {})
-    (found,) = asked.value.args
+    (found,) = requests.value.args
     if looks is None:
         assert found == record
     else:
@@ -1276,15 +1295,15 @@ def test_a_case_that_cannot_begin_is_a_row(monkeypatch, error, code):
         return store.CaseRow("completed", 0, "", values=values)
 
     monkeypatch.setattr(campaign_case, "_ran", ran)
-    made = campaign_case.row(SimpleNamespace(values=values), 7)
-    assert (made.code, made.number, made.values) == (code, 7, {"a.k": 1.0})
-    assert made.message == ("no" if error else "")
-    assert made.status == ("failed" if error else "completed")
-    assert 0.0 <= made.seconds < 1.0
+    result = campaign_case.row(SimpleNamespace(values=values), 7)
+    assert (result.code, result.number, result.values) == (code, 7, {"a.k": 1.0})
+    assert result.message == ("no" if error else "")
+    assert result.status == ("failed" if error else "completed")
+    assert 0.0 <= result.seconds < 1.0
     error = RunError("told to end", Exit.INTERRUPTED)
-    with pytest.raises(SystemExit) as left:
+    with pytest.raises(SystemExit) as raised:
         campaign_case.row(SimpleNamespace(values=values), 7)
-    assert left.value.code == 130
+    assert raised.value.code == 130
 
 
 @pytest.mark.parametrize(
@@ -1318,13 +1337,13 @@ def test_a_case_that_is_kept_needs_room_and_no_signal(
 
 
 @pytest.mark.parametrize(
-    ("given", "status"),
+    ("values", "status"),
     [({}, "completed"), ({"timeout": True}, "timed out")],
 )
-def test_what_never_came_back_is_a_failed_row(given, status):
-    made = study.lost_row(study.NoResult("why", **given))
-    assert (made.status, made.message) == ("failed", "why")
-    assert made.code == (Exit.TIMEOUT if given else Exit.COMPONENT)
+def test_what_never_came_back_is_a_failed_row(values, status):
+    result = study.lost_row(study.NoResult("why", **values))
+    assert (result.status, result.message) == ("failed", "why")
+    assert result.code == (Exit.TIMEOUT if values else Exit.COMPONENT)
 
 
 # --- the range of the exchange --------------------------------------------------------
@@ -1363,7 +1382,7 @@ PARTS = coverage.StepParts(
 
 
 def remarked(
-    turning=0.0, pushed=0.0, h=0.0, last=0.0, unbalance=0.0, lacking=(), **told
+    turning=0.0, pushed=0.0, h=0.0, last=0.0, unbalance=0.0, lacking=(), **message
 ):
     """Remarks about rows of a body that reached so much, of wheels with momenta h to
     `last`."""
@@ -1384,7 +1403,7 @@ def remarked(
         step=2.0,
         substeps=4,
     )
-    vars(manifest).update(told)
+    vars(manifest).update(message)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
             coverage, "of_run", lambda parts, results: None if lacking else found
@@ -1418,24 +1437,24 @@ def test_a_run_says_how_much_the_jitter_of_faster_wheels_leaves():
 
 
 def test_a_run_that_chose_says_what_it_could_not_look_at():
-    flown = SubstepChoice(4, 1e-7, 5e-8, steps=30, reached=(1.0, 1.0, 1.0))
-    assert remarked(substep_choice=flown) == []
-    (line,) = remarked(substep_choice=flown, lacking=["a.w", "a.i"])
+    flight = SubstepChoice(4, 1e-7, 5e-8, steps=30, reached=(1.0, 1.0, 1.0))
+    assert remarked(substep_choice=flight) == []
+    (line,) = remarked(substep_choice=flight, lacking=["a.w", "a.i"])
     assert line == (
         "its substeps are chosen by its first 30 steps, and not looked at again: "
         "not recorded: a.i, a.w"
     )
-    assert remarked(substep_choice=replace(flown, reached=None), lacking=["a.w"]) == []
-    assert remarked(substep_choice=flown, parts={coverage.KEY: None}) == []
+    assert remarked(substep_choice=replace(flight, reached=None), lacking=["a.w"]) == []
+    assert remarked(substep_choice=flight, parts={coverage.KEY: None}) == []
     far = {"turning": 9.0, "pushed": 9.0}
-    assert len(remarked(substep_choice=replace(flown, estimate=None), **far)) == 2
-    assert remarked(substep_choice=flown, **far) == []
+    assert len(remarked(substep_choice=replace(flight, estimate=None), **far)) == 2
+    assert remarked(substep_choice=flight, **far) == []
 
 
 # --- the balances ---------------------------------------------------------------------
 
 
-def told(**more: object) -> SimpleNamespace:
+def manifest_with(**more: object) -> SimpleNamespace:
     """A manifest's part that balances look at."""
     usual = {
         "algorithm": "gauss_seidel",
@@ -1463,23 +1482,23 @@ def test_the_largest_residual_is_that_of_a_row(monkeypatch):
         ("gauss_seidel", 0.7, 1),
     ):
         about = {} if bound is None else {"residual_bound": bound}
-        manifest = told(
+        manifest = manifest_with(
             numbers={"momentum_residual": number}, algorithm=algorithm, about=about
         )
         assert len(residual.unmet(manifest, None)) == lines
     at_bound = {"momentum_residual": Value("x", 7e-9, "N.m.s")}
-    assert residual.unmet(told(numbers=at_bound), None) == []
+    assert residual.unmet(manifest_with(numbers=at_bound), None) == []
     at_bound = {"momentum_residual": Value("x", 7.1e-9, "N.m.s")}
-    assert len(residual.unmet(told(numbers=at_bound), None)) == 1
+    assert len(residual.unmet(manifest_with(numbers=at_bound), None)) == 1
     monkeypatch.setattr(residual, "momentum", lambda *_: None)
-    assert residual.unmet(told(), None) == []
+    assert residual.unmet(manifest_with(), None) == []
     assert residual.numbers(None, None) == {}
 
 
 def test_why_there_is_no_residual():
     parts = residual.MomentumParts("a", "w.h")
     series = [*(f"a.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")), "w.h"]
-    for names, why in (
+    for names, reason in (
         (series, "there are no rows"),
         (series[1:], "not recorded: a.q_bi"),
         (series[2:], "not recorded: a.q_bi, a.omega_bi_body"),
@@ -1487,8 +1506,8 @@ def test_why_there_is_no_residual():
         results = SimpleNamespace(
             names=lambda names=names: names, once=lambda key, make: None
         )
-        manifest = told(parts={residual.KEY: parts})
-        assert residual.unchecked(manifest, results) == {"momentum_residual": why}
+        manifest = manifest_with(parts={residual.KEY: parts})
+        assert residual.unchecked(manifest, results) == {"momentum_residual": reason}
 
 
 def test_totals_go_on_from_block_to_block(monkeypatch):
@@ -1530,7 +1549,7 @@ def test_totals_go_on_from_block_to_block(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("given", "share", "impulse"),
+    ("values", "share", "impulse"),
     [
         ({"energy": 2.0, "worked": 4.0}, 0.25, None),
         ({"energy": 8.0, "worked": 4.0}, 0.125, 0.5),
@@ -1538,24 +1557,24 @@ def test_totals_go_on_from_block_to_block(monkeypatch):
         (None, None, None),
     ],
 )
-def test_the_numbers_of_a_balance(monkeypatch, given, share, impulse):
-    made = (
+def test_the_numbers_of_a_balance(monkeypatch, values, share, impulse):
+    result = (
         None
-        if given is None
-        else energy.Totals(mismatch=1.0, hidden=3.0, impulse=impulse, **given)
+        if values is None
+        else energy.Totals(mismatch=1.0, hidden=3.0, impulse=impulse, **values)
     )
-    monkeypatch.setattr(energy, "totals_of", lambda *_: made)
+    monkeypatch.setattr(energy, "totals_of", lambda *_: result)
     monkeypatch.setattr(energy, "_not_of_rows", lambda *_: "why")
-    found = {name: n.value for name, n in energy.numbers(told(), None).items()}
-    wanted = {
+    found = {name: n.value for name, n in energy.numbers(manifest_with(), None).items()}
+    expected = {
         "energy_mismatch": share,
-        "hidden_work": given is not None and 3.0,
+        "hidden_work": values is not None and 3.0,
         "impulse_mismatch": impulse,
     }
-    assert found == {k: v for k, v in wanted.items() if v}
+    assert found == {k: v for k, v in expected.items() if v}
     parts = energy.EnergyParts("a", "w.h")
-    lacking = energy.unchecked(told(parts={energy.KEY: parts}), None)
-    if given is None:
+    lacking = energy.unchecked(manifest_with(parts={energy.KEY: parts}), None)
+    if values is None:
         assert lacking == dict.fromkeys(energy.NUMBERS, "why")
     else:
         assert list(lacking) == ["impulse_mismatch"] * (impulse is None)
@@ -1572,7 +1591,7 @@ def series_of(names: list[str], times: list[float], lacking: str = "", **counts:
 
 
 @pytest.mark.parametrize(
-    ("more", "times", "lacking", "counts", "why"),
+    ("more", "times", "lacking", "counts", "reason"),
     [
         ({}, [0.0, 2.0, 4.0], "", {}, ""),
         (
@@ -1582,7 +1601,7 @@ def series_of(names: list[str], times: list[float], lacking: str = "", **counts:
             {},
             "under jacobi torques act a step late",
         ),
-        ({"why": "so"}, [0.0, 2.0], "", {}, "so"),
+        ({"reason": "so"}, [0.0, 2.0], "", {}, "so"),
         ({}, [0.0, 2.0], "w.mean", {}, "not recorded: w.mean"),
         ({}, [0.0], "", {}, "there is no whole step"),
         ({}, [0.0, 2.0], "", {"w_mean": 0}, "there is no whole step"),
@@ -1596,15 +1615,17 @@ def series_of(names: list[str], times: list[float], lacking: str = "", **counts:
         ({"rows": None, "substeps": 2}, [0.0, 2.0], "", {}, "its rows"),
     ],
 )
-def test_why_rows_have_no_balance(more, times, lacking, counts, why):
+def test_why_rows_have_no_balance(more, times, lacking, counts, reason):
     of = {k: more.pop(k) for k in ("why", "rows") if k in more}
     parts = energy.EnergyParts(
         "a", "w.h", "w.mean", "w.slope", None, **{"rows": True, **of}
     )
     results = series_of(energy.of_work(parts), times, lacking, **counts)
-    found = energy._not_of_rows(told(parts={energy.KEY: parts}, **more), results)
-    assert found.startswith(why)
-    assert bool(found) == bool(why)
+    found = energy._not_of_rows(
+        manifest_with(parts={energy.KEY: parts}, **more), results
+    )
+    assert found.startswith(reason)
+    assert bool(found) == bool(reason)
 
 
 @pytest.mark.parametrize(
@@ -1627,7 +1648,7 @@ def test_why_rows_have_no_balance(more, times, lacking, counts, why):
 def test_a_balance_at_its_bound_is_met(monkeypatch, hidden, impulse, about, lines):
     series = residual.Momentum(np.zeros(1), np.zeros((1, 3)), 7.0)
     numbers = {"hidden_work": hidden, "impulse_mismatch": impulse}
-    manifest = told(
+    manifest = manifest_with(
         about=about,
         numbers={k: Value(k, v, "1") for k, v in numbers.items() if v is not None},
     )
@@ -1649,7 +1670,7 @@ def test_a_balance_at_its_bound_is_met(monkeypatch, hidden, impulse, about, line
 
 
 @pytest.mark.parametrize(
-    ("more", "times", "lacking", "why"),
+    ("more", "times", "lacking", "reason"),
     [
         ({}, [0.0, 2.0], "", ""),
         (
@@ -1658,18 +1679,18 @@ def test_a_balance_at_its_bound_is_met(monkeypatch, hidden, impulse, about, line
             "",
             "under jacobi torques act a step late",
         ),
-        ({"why": "so"}, [0.0, 2.0], "", "so"),
+        ({"reason": "so"}, [0.0, 2.0], "", "so"),
         ({}, [0.0, 2.0], "a.h_copy_wheel", "not recorded: a.h_copy_wheel"),
         ({}, [0.0], "", "there is no whole step"),
         ({}, [0.0, 4.0], "", "rows are left out"),
         ({}, [3.0, 5.0, 9.0], "", ""),
     ],
 )
-def test_why_a_fixed_attitude_has_no_balance(more, times, lacking, why):
+def test_why_a_fixed_attitude_has_no_balance(more, times, lacking, reason):
     parts = fixed.FixedAttitudeParts("a", {"x": "b.c"}, more.pop("why", ""))
     results = series_of(fixed.balanced(parts), times, lacking)
-    manifest = told(parts={fixed.KEY: parts}, **more)
-    assert fixed._reason_against(manifest, results) == why
+    manifest = manifest_with(parts={fixed.KEY: parts}, **more)
+    assert fixed._reason_against(manifest, results) == reason
     assert fixed.unchecked(manifest, results) == (
-        {"impulse_mismatch": why} if why else {}
+        {"impulse_mismatch": reason} if reason else {}
     )

@@ -85,7 +85,7 @@ def test_impulse_of_a_minute_is_what_the_neighbours_make_it(sets):
 
 
 def test_balances_go_on_from_block_to_block(monkeypatch):
-    whole, _ = numbers("nadir_day/day-igrf", stop=60.0)
+    full, _ = numbers("nadir_day/day-igrf", stop=60.0)
     monkeypatch.setattr(energy, "BLOCK", 7)
     parts, _ = numbers("nadir_day/day-igrf", stop=60.0)
     for name, about in (
@@ -93,7 +93,7 @@ def test_balances_go_on_from_block_to_block(monkeypatch):
         ("impulse_mismatch", 0.5),
         ("hidden_work", 1e-9),
     ):
-        assert parts[name] == pytest.approx(whole[name], rel=about)
+        assert parts[name] == pytest.approx(full[name], rel=about)
 
 
 def test_a_wrong_torque_shows(monkeypatch):
@@ -106,10 +106,10 @@ def test_a_wrong_torque_shows(monkeypatch):
 
 def test_an_integrator_that_damps_shows(monkeypatch):
     """RK4 in the place of the method of order 8."""
-    whole = numbers("gyrostat/stress")[0]
+    full = numbers("gyrostat/stress")[0]
     monkeypatch.setattr(spacecraft_rigid, "step8", spacecraft_rigid.step4)
     damped = numbers("gyrostat/stress")[0]
-    assert damped["energy_mismatch"] > 100 * whole["energy_mismatch"]
+    assert damped["energy_mismatch"] > 100 * full["energy_mismatch"]
     assert damped["momentum_residual"] < 1e-12
 
 

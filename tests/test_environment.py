@@ -599,8 +599,8 @@ def test_igrf(date, tolerance):
 
 def test_igrf_at_the_poles_themselves():
     for z in (6.8e6, -6.8e6):
-        here, beside = geomagnetic.igrf((0.0, 0.0, z), 2025.0), (1e-3, 2e-3, z)
-        assert here == pytest.approx(geomagnetic.igrf(beside, 2025.0), abs=1e-13)
+        here, neighbour = geomagnetic.igrf((0.0, 0.0, z), 2025.0), (1e-3, 2e-3, z)
+        assert here == pytest.approx(geomagnetic.igrf(neighbour, 2025.0), abs=1e-13)
 
 
 @pytest.mark.parametrize("degree", [1, 2, 7, 13])
@@ -608,17 +608,20 @@ def test_igrf_degree(degree):
     """Every degree is a potential field: no divergence, no curl; and of its own power
     of r."""
 
-    def own(*r: float) -> np.ndarray:
+    def field_of_degree(*r: float) -> np.ndarray:
         b = np.array(geomagnetic.igrf(r, 2025.0, degree))
         return b - geomagnetic.igrf(r, 2025.0, degree - 1) if degree > 1 else b
 
     r = np.array([3.1e6, -4.2e6, 4.4e6])
-    assert own(*(2 * r)) == pytest.approx(
-        own(*r) / 2 ** (degree + 2), rel=1e-9, abs=1e-20
+    assert field_of_degree(*(2 * r)) == pytest.approx(
+        field_of_degree(*r) / 2 ** (degree + 2), rel=1e-9, abs=1e-20
     )
     h = 1e3
     slope = np.array(
-        [(own(*(r + h * e)) - own(*(r - h * e))) / (2 * h) for e in np.eye(3)]
+        [
+            (field_of_degree(*(r + h * e)) - field_of_degree(*(r - h * e))) / (2 * h)
+            for e in np.eye(3)
+        ]
     )
     assert abs(np.trace(slope)) < 1e-4 * np.abs(slope).max()
     assert np.abs(slope - slope.T).max() < 1e-4 * np.abs(slope).max()
@@ -909,10 +912,10 @@ def test_exosphere():
 def test_activity_day_and_night_of_the_block():
     """At 500 km: day over night 2 to 6, moderate over low activity 13, high over
     moderate 4."""
-    given = {"semi_major_axis": 6378137.0 + 500e3, "inclination": 0.3, "field": "none"}
+    inputs = {"semi_major_axis": 6378137.0 + 500e3, "inclination": 0.3, "field": "none"}
     seen = {}
     for activity in ("low", "moderate", "high"):
-        block = kepler(atmosphere="activity", solar_activity=activity, **given)
+        block = kepler(atmosphere="activity", solar_activity=activity, **inputs)
         seen[activity] = [
             at(block, t).density for t in np.arange(0.0, 5700.0, 30.0).tolist()
         ]
@@ -920,10 +923,10 @@ def test_activity_day_and_night_of_the_block():
     low, moderate, high = (np.mean(x) for x in seen.values())
     assert moderate / low == pytest.approx(13, rel=0.2)
     assert high / moderate == pytest.approx(4, rel=0.2)
-    asked = kepler(
-        atmosphere="activity", solar_activity="given", f107=250.0, ap=45.0, **given
+    requests = kepler(
+        atmosphere="activity", solar_activity="given", f107=250.0, ap=45.0, **inputs
     )
-    assert at(asked, 0.0).density == seen["high"][0]
+    assert at(requests, 0.0).density == seen["high"][0]
 
 
 def test_atmosphere_by_activity_goes_on_below_120_km():

@@ -36,7 +36,7 @@ def test_products_have_values_and_units():
 
 
 @pytest.mark.parametrize(
-    ("text", "what"),
+    ("text", "fault"),
     [
         ("wheels.sped_limit", "did you mean speed_limit"),
         ("wheel.speed_limit", "did you mean wheels"),
@@ -51,8 +51,8 @@ def test_products_have_values_and_units():
         ("", "or a product of numbers"),
     ],
 )
-def test_bad_products_are_a_line(text, what):
-    with pytest.raises(DesatError, match=what) as error:
+def test_bad_products_are_a_line(text, fault):
+    with pytest.raises(DesatError, match=fault) as error:
         product(text, TABLE)
     assert "\n" not in str(error.value)
 
@@ -92,7 +92,7 @@ def test_what_derives_from_the_craft_follows_it():
 
 
 @pytest.mark.parametrize(
-    ("sets", "what"),
+    ("sets", "fault"),
     [
         (["manager.h_limit=wheels.torque_limit"], "its unit does not fit N.m.s"),
         (["manager.h_limit=wheels.none"], "wheels has no parameter none"),
@@ -100,11 +100,11 @@ def test_what_derives_from_the_craft_follows_it():
         (["controller.kp=manager.velocity_dumping"], "is no number"),
     ],
 )
-def test_references_that_make_no_sense_are_refused(sets, what):
+def test_references_that_make_no_sense_are_refused(sets, fault):
     checked = prepare(
         "integrated/ideal-inertial", Options(sets=sets, blocks=True)
     ).checked
-    assert any(what in problem for problem in checked.problems)
+    assert any(fault in problem for problem in checked.problems)
 
 
 def test_a_window_that_is_not_reached_is_said():

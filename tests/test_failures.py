@@ -50,12 +50,12 @@ from desat.system.errors import DesatError, Exit, RunError
 pages = module_of("benchmarks.pages.sources")
 tables = module_of("desat.papers.tables")
 SOURCE = Path(__file__).with_name("failing.c")
-HOW = (
+FAILURES = (
     re.search(r"enum \{(.*?)\}", SOURCE.read_text(), re.S)[1]
     .replace("\n", " ")
     .split(",")
 )
-HOW = [name.strip() for name in HOW]
+FAILURES = [name.strip() for name in FAILURES]
 
 DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="failing" guid="{{1}}">
@@ -95,10 +95,10 @@ def fmu(
     description: str = "",
 ) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
-    with zipfile.ZipFile(path, "w") as made:
+    with zipfile.ZipFile(path, "w") as archive:
         text = description or DESCRIPTION.format(identifier=identifier)
-        made.writestr("modelDescription.xml", text)
-        made.writestr(f"binaries/{folder}/failing.so", binary)
+        archive.writestr("modelDescription.xml", text)
+        archive.writestr(f"binaries/{folder}/failing.so", binary)
     return path
 
 
@@ -107,12 +107,23 @@ def compiled(folder: Path, *flags: str) -> bytes:
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None or sys.platform != "linux":
         pytest.skip("needs Linux and a C compiler")
-    made = folder / "failing.so"
+    library = folder / "failing.so"
     subprocess.run(
-        [compiler, "-shared", "-fPIC", "-O1", "-w", *flags, "-o", made, SOURCE, "-lm"],
+        [
+            compiler,
+            "-shared",
+            "-fPIC",
+            "-O1",
+            "-w",
+            *flags,
+            "-o",
+            library,
+            SOURCE,
+            "-lm",
+        ],
         check=True,
     )
-    return made.read_bytes()
+    return library.read_bytes()
 
 
 @pytest.fixture(scope="session")
@@ -135,17 +146,17 @@ def drawn_to_fail(folder: Path, binary: bytes, ways: list[str]) -> str:
     about = {
         "name": "failing",
         "numbers": {"y": {"title": "y", "signal": "bad.y"}},
-        "dispersions": {"bad.how": {"one_of": [HOW.index(w) for w in ways]}},
+        "dispersions": {"bad.how": {"one_of": [FAILURES.index(w) for w in ways]}},
     }
     (folder / "extra" / "desat").mkdir(parents=True)
     (folder / "extra" / "desat" / "scenario.json").write_text(json.dumps(about))
     return str(folder)
 
 
-def options(how: str, **more: object) -> Options:
+def options(failure: str, **more: object) -> Options:
     """In the process that steps, which is watched, unless more is said."""
     more = {"supervised": True, "isolate": "none", **more}
-    return Options(sets=[f"bad.how={HOW.index(how)}"], step=1.0, **more)
+    return Options(sets=[f"bad.how={FAILURES.index(failure)}"], step=1.0, **more)
 
 
 def test_a_system_without_connections_can_be_packed(system, tmp_path):
@@ -161,7 +172,7 @@ ALONE = CALL.replace("the process", "its process")
 
 
 @pytest.mark.parametrize(
-    ("how", "text"),
+    ("failure", "text"),
     [
         ("SEGFAULT", CALL + "SIGSEGV"),
         ("ABORT", CALL + "SIGABRT"),
@@ -171,9 +182,9 @@ ALONE = CALL.replace("the process", "its process")
         ("OVERFLOW", CALL + "SIGSEGV"),
     ],
 )
-def test_a_component_that_ends_the_process(system, tmp_path, how, text):
+def test_a_component_that_ends_the_process(system, tmp_path, failure, text):
     """4, and the rows up to the step before, none twice."""
-    run = simulate(prepare(str(system), options(how)), tmp_path / "out")
+    run = simulate(prepare(str(system), options(failure)), tmp_path / "out")
     assert run.code == Exit.COMPONENT
     assert run.manifest["message"].startswith(text)
     assert run.results.times().tolist() == [0.0, 1.0, 2.0]
@@ -187,12 +198,12 @@ def test_a_component_that_ends_the_process(system, tmp_path, how, text):
     )
 
 
-@pytest.mark.parametrize("how", ["SEGFAULT", "EXIT_0"])
-def test_a_crash_of_one_of_ours_ends_the_run(system, tmp_path, monkeypatch, how):
+@pytest.mark.parametrize("failure", ["SEGFAULT", "EXIT_0"])
+def test_a_crash_of_one_of_ours_ends_the_run(system, tmp_path, monkeypatch, failure):
     """Ours run together, and so not in processes of their own."""
     monkeypatch.setattr(library.FmuFile, "ours", True)
     run = simulate(
-        prepare(str(system), options(how, isolate="foreign")), tmp_path / "out"
+        prepare(str(system), options(failure, isolate="foreign")), tmp_path / "out"
     )
     assert run.code == Exit.COMPONENT
     assert run.manifest["message"].startswith(CALL)
@@ -241,10 +252,10 @@ sys.exit(cli._code())
     with load_run(tmp_path / "out").results as results:
         assert results.times().tolist() == [0.0, 1.0, 2.0]
     if substeps == "auto":
-        told = json.loads((tmp_path / "out/manifest.json").read_text())[
+        answer = json.loads((tmp_path / "out/manifest.json").read_text())[
             "substep_choice"
         ]["why"]
-        assert told == f"a flight beforehand failed: {crash}"
+        assert answer == f"a flight beforehand failed: {crash}"
 
 
 @pytest.fixture
@@ -293,13 +304,13 @@ def test_a_fork_among_others_changes_no_row(system, tmp_path, loop):
 
 
 @pytest.mark.parametrize("loop", ["compiled", "python"])
-@pytest.mark.parametrize("how", ["FORK", "FORK_BESIDE"])
-def test_a_fork_does_not_come_back_to_whoever_runs_it(system, how, loop):
+@pytest.mark.parametrize("failure", ["FORK", "FORK_BESIDE"])
+def test_a_fork_does_not_come_back_to_whoever_runs_it(system, failure, loop):
     """In a step, in initialisation and when it is freed: a script that uses the library
     went on twice."""
     script = f"""
 import desat
-sets = {{"bad.how": {HOW.index(how)}}}
+sets = {{"bad.how": {FAILURES.index(failure)}}}
 run = desat.run({str(system)!r}, sets, isolate="none", step=1.0, loop={loop!r})
 print("ended", run.manifest["status"], run.results.times()[-1])
 """
@@ -313,7 +324,7 @@ def test_the_command_reports_a_crash(apart, system, tmp_path):
         "--step",
         "1",
         "--set",
-        f"bad.how={HOW.index('EXIT_0')}",
+        f"bad.how={FAILURES.index('EXIT_0')}",
         "--out",
         str(tmp_path / "out"),
     )
@@ -337,7 +348,7 @@ def test_an_isolated_component_ends_alone(system, tmp_path, supervised):
     one = two[two.index("<ssd:Component ") : two.index("</ssd:Elements>")]
     two = two.replace(one, one + one.replace('"bad"', '"good"'))
     (system / "SystemStructure.ssd").write_text(two)
-    for how, text, code, last in (
+    for failure, text, code, last in (
         ("SEGFAULT", f"{ALONE}SIGSEGV", Exit.COMPONENT, 3.0),
         ("ABORT", f"{ALONE}SIGABRT", Exit.COMPONENT, 3.0),
         ("KILL", f"{ALONE}SIGKILL", Exit.COMPONENT, 3.0),
@@ -377,14 +388,16 @@ def test_an_isolated_component_ends_alone(system, tmp_path, supervised):
         ("IN_EXIT", "bad: leaving initialisation ended its process: exit(0)", 4, None),
         ("ROUNDING", "", Exit.COMPLETED, 10.0),
     ):
-        limit = 1.5 if how == "HANG" else 60.0
-        given = options(how, call_limit=limit, isolate="foreign", supervised=supervised)
+        limit = 1.5 if failure == "HANG" else 60.0
+        run_options = options(
+            failure, call_limit=limit, isolate="foreign", supervised=supervised
+        )
         if last is None:
             with pytest.raises(RunError) as error:
-                simulate(prepare(str(system), given), tmp_path / how)
+                simulate(prepare(str(system), run_options), tmp_path / failure)
             assert (str(error.value), error.value.code) == (text, code)
         else:
-            run = simulate(prepare(str(system), given), tmp_path / how)
+            run = simulate(prepare(str(system), run_options), tmp_path / failure)
             assert (run.manifest["message"], run.code) == (text, code)
             assert run.results.values("good.y").tolist() == run.results.times().tolist()
             assert run.results.times()[-1] == last
@@ -397,7 +410,7 @@ WROTE = "bad: at t = 3 s it wrote into a file that is not its own; it was ended"
 
 
 @pytest.mark.parametrize(
-    ("how", "text"),
+    ("failure", "text"),
     [
         ("SCRIBBLE", WROTE),
         ("DOT", WROTE),
@@ -407,7 +420,7 @@ WROTE = "bad: at t = 3 s it wrote into a file that is not its own; it was ended"
     ],
 )
 def test_an_isolated_component_has_nothing_of_the_heads(
-    system, apart, daemons, how, text
+    system, apart, daemons, failure, text
 ):
     """What it finds open, its process group and what it leaves behind are its own: it
     wrote into the files of the run, killed `desat`, and its daemons held the caller's
@@ -418,14 +431,14 @@ def test_an_isolated_component_has_nothing_of_the_heads(
         "--step",
         "1",
         "--set",
-        f"bad.how={HOW.index(how)}",
+        f"bad.how={FAILURES.index(failure)}",
         "--json",
         "--out",
         str(system / "out"),
     )
     assert done.returncode == (Exit.COMPONENT if text else Exit.COMPLETED), done.stderr
-    told = json.loads(done.stdout)
-    assert told["message"] == text
+    answer = json.loads(done.stdout)
+    assert answer["message"] == text
     with load_run(system / "out").results as results:
         assert results.times().tolist() == [float(k) for k in range(4 if text else 11)]
         assert results.values("bad.y").tolist() == results.times().tolist()
@@ -436,7 +449,7 @@ def test_daemons_that_left_their_group_stay_where_nobody_watches(system, daemons
     """As the page says: of a run in the library that is not supervised."""
     script = f"""
 import desat
-desat.run({str(system)!r}, {{"bad.how": {HOW.index("DAEMON")}}}, step=1.0).or_raise("it")
+desat.run({str(system)!r}, {{"bad.how": {FAILURES.index("DAEMON")}}}, step=1.0).or_raise("it")
 """
     subprocess.run(
         [sys.executable, "-c", script],
@@ -455,7 +468,7 @@ desat.run({str(system)!r}, {{"bad.how": {HOW.index("DAEMON")}}}, step=1.0).or_ra
 
 
 @pytest.mark.parametrize(
-    ("how", "told", "code"),
+    ("failure", "message", "code"),
     [
         (
             "SCRIBBLE_EARLY",
@@ -466,18 +479,18 @@ desat.run({str(system)!r}, {{"bad.how": {HOW.index("DAEMON")}}}, step=1.0).or_ra
     ],
 )
 def test_what_an_isolated_component_writes_is_no_answer(
-    system, tmp_path, how, told, code
+    system, tmp_path, failure, message, code
 ):
     """In a call that is no step: it was a bug of ours. What reads as the beginning of a
     message is waited for."""
     limit = (
         1.0 if code == Exit.TIMEOUT else 60.0
     )  # nothing else is late on a busy machine
-    given = options(how, isolate="foreign", call_limit=limit)
+    run_options = options(failure, isolate="foreign", call_limit=limit)
     with pytest.raises(RunError) as error:
-        simulate(prepare(str(system), given), tmp_path)
+        simulate(prepare(str(system), run_options), tmp_path)
     assert (str(error.value), error.value.code) == (
-        f"bad: entering initialisation {told}",
+        f"bad: entering initialisation {message}",
         code,
     )
 
@@ -530,8 +543,10 @@ def test_isolated_runs_have_the_same_bits(tmp_path):
     """Also where they go on from a checkpoint."""
     found = []
     for isolate in ("none", "all"):
-        given = Options(stop=20.0, isolate=isolate, supervised=True)
-        results = simulate(prepare("gyrostat/free", given), tmp_path / isolate).results
+        options = Options(stop=20.0, isolate=isolate, supervised=True)
+        results = simulate(
+            prepare("gyrostat/free", options), tmp_path / isolate
+        ).results
         found.append({n: results.values(n).tobytes() for n in results.names()})
     assert found[0] == found[1]
     assert len(found[0]) > 10
@@ -568,7 +583,7 @@ def test_many_rows_survive_a_crash(system, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("how", "text", "code"),
+    ("failure", "text", "code"),
     [
         (
             "IN_START",
@@ -583,10 +598,10 @@ def test_many_rows_survive_a_crash(system, tmp_path, monkeypatch):
     ],
 )
 def test_a_component_that_ends_the_process_before_the_first_step(
-    system, tmp_path, how, text, code
+    system, tmp_path, failure, text, code
 ):
     with pytest.raises(DesatError) as error:
-        simulate(prepare(str(system), options(how)), tmp_path / "out")
+        simulate(prepare(str(system), options(failure)), tmp_path / "out")
     assert str(error.value) == text
     assert error.value.code == code
 
@@ -602,7 +617,7 @@ def test_a_component_that_crashes_when_it_is_freed(system, tmp_path):
 
 
 def test_a_component_that_fails_politely(system, tmp_path):
-    for how, status, loop in (
+    for failure, status, loop in (
         ("STEP_ERROR", "error", "compiled"),
         ("NEGATIVE", "-1", "compiled"),
         ("NEGATIVE", "-1", "python"),
@@ -610,12 +625,14 @@ def test_a_component_that_fails_politely(system, tmp_path):
         ("FATAL", "fatal", "python"),
         ("DISCARD", "discard", "compiled"),
     ):
-        alone = options(how, supervised=False, isolate="foreign")
+        alone = options(failure, supervised=False, isolate="foreign")
         assert (
             f" returned {status}"
             in simulate(prepare(str(system), alone)).manifest["message"]
         )
-        run = simulate(prepare(str(system), options(how, loop=loop, supervised=False)))
+        run = simulate(
+            prepare(str(system), options(failure, loop=loop, supervised=False))
+        )
         assert (run.code, run.manifest["loop"]["name"]) == (Exit.COMPONENT, loop)
         assert (
             run.manifest["message"] == f"bad: the step from t = 3 s returned {status}"
@@ -636,14 +653,18 @@ WAYS = [("compiled", "none"), ("python", "none"), ("compiled", "foreign")]
 
 @pytest.mark.parametrize(("loop", "isolate"), WAYS)
 def test_a_warning_by_status_is_told_once(system, loop, isolate):
-    for how, call in (
+    for failure, call in (
         ("READ_WARNS", "reading its outputs"),
         ("STEP_WARNS", "the step"),
     ):
-        run = simulate(prepare(str(system), options(how, loop=loop, isolate=isolate)))
+        run = simulate(
+            prepare(str(system), options(failure, loop=loop, isolate=isolate))
+        )
         assert run.code == Exit.COMPLETED
-        said = [line for line in run.manifest["warnings"] if line.startswith("bad: ")]
-        assert said == [f"bad: {call} returned warning, the first time at t = 3 s"]
+        messages = [
+            line for line in run.manifest["warnings"] if line.startswith("bad: ")
+        ]
+        assert messages == [f"bad: {call} returned warning, the first time at t = 3 s"]
 
 
 @pytest.mark.parametrize(("loop", "isolate"), WAYS)
@@ -666,15 +687,15 @@ def test_one_that_does_not_terminate_is_named(system, loop, isolate):
         prepare(str(system), options("ENDS_BADLY", loop=loop, isolate=isolate))
     )
     assert run.code == Exit.COMPONENT
-    said = "bad: fmi2Terminate returned error: not now"
-    assert run.manifest["message"] == f"{said}, after the run"
+    message = "bad: fmi2Terminate returned error: not now"
+    assert run.manifest["message"] == f"{message}, after the run"
     assert run.results.times()[-1] == 10.0
     late = options(
         "ENDS_BADLY", loop=loop, isolate=isolate, time_limit=0.0, supervised=False
     )
     run = simulate(prepare(str(system), late))
     assert run.code == Exit.TIMEOUT
-    assert said in run.manifest["warnings"]
+    assert message in run.manifest["warnings"]
     failed = options("STEP_ERROR", loop=loop, isolate=isolate)
     run = simulate(prepare(str(system), failed))
     assert "fmi2Terminate" not in str(
@@ -731,7 +752,7 @@ def test_supervised_runs_have_the_same_bits(tmp_path):
 def test_a_crash_among_draws_leaves_the_other_rows(tmp_path, binary):
     target = drawn_to_fail(tmp_path / "s", binary, ["NOTHING", "SEGFAULT"])
     rows = draws(target, 8, 1, Options(step=1.0), jobs=2).rows
-    ended = [row.values["bad.how"] != HOW.index("NOTHING") for row in rows]
+    ended = [row.values["bad.how"] != FAILURES.index("NOTHING") for row in rows]
     assert [row.code for row in rows] == [int(Exit.COMPONENT) * e for e in ended]
     assert {row.numbers["y"] for row in rows if row.completed} == {10.0}
     assert 0 < sum(ended) < 8
@@ -746,13 +767,15 @@ def test_tables_name_the_scenario_and_component_that_crashed(system):
 
 
 def test_a_crash_in_a_sweep_is_named(system):
-    axes = {"bad.how": [HOW.index(how) for how in ("NOTHING", "SEGFAULT")]}
+    axes = {"bad.how": [FAILURES.index(failure) for failure in ("NOTHING", "SEGFAULT")]}
     well, badly = sweep(str(system), axes, Options(step=1.0), 1).to_json()["points"]
     assert well["status"] == "completed"
     assert badly["code"] == Exit.COMPONENT
     assert badly["message"] == f"{ALONE}SIGSEGV"
     with pytest.raises(RunError) as error:
-        sweep(str(system), {"bad.how": [HOW.index("IN_START")]}, Options(step=1.0), 1)
+        sweep(
+            str(system), {"bad.how": [FAILURES.index("IN_START")]}, Options(step=1.0), 1
+        )
     text = f"{system}: bad: entering initialisation ended its process: SIGSEGV"
     assert (str(error.value), error.value.code) == (text, Exit.COMPONENT)
 
@@ -761,7 +784,7 @@ def test_a_page_names_the_component_that_crashed(system, monkeypatch):
     """What pages are made of is watched, too."""
     sources = pages.Sources("uosat12", [], 1, None)
     monkeypatch.setattr(pages.Sources, "_needed", lambda self, name: ["bad.*"])
-    change = {"bad.how": HOW.index("SEGFAULT")}
+    change = {"bad.how": FAILURES.index("SEGFAULT")}
     with pytest.raises(
         RunError, match=r"failed: bad: the step from t = 3 s .*SIGSEGV"
     ) as error:
@@ -786,7 +809,7 @@ def test_a_call_that_does_not_return(system, tmp_path):
 def started(
     system: Path,
     tmp_path: Path,
-    how: str,
+    failure: str,
     *more: str,
     until: str = "out/manifest.json.part",
     hang_up: Any = signal.SIG_DFL,
@@ -804,7 +827,7 @@ def started(
             "--stop",
             "100000",
             "--set",
-            f"bad.how={HOW.index(how)}",
+            f"bad.how={FAILURES.index(failure)}",
             "--out",
             str(tmp_path / "out"),
             *more,
@@ -972,7 +995,7 @@ def test_killed_before_its_first_row_it_has_none(desat, tmp_path, monkeypatch):
 @pytest.mark.parametrize("packed", [True, False], ids=["packed", "no_room_to_pack"])
 def test_killed_at_the_end_all_rows_are_saved(tmp_path, monkeypatch, packed):
     """The final row has states, and no interval values: also where the parent saves it."""
-    wanted = simulate(
+    expected = simulate(
         prepare("nadir_day/day-dipole", Options(stop=20.0)), tmp_path / "whole"
     )
     finish, write, test = Packing.finish, Recorder._write, os.getpid()
@@ -997,10 +1020,10 @@ def test_killed_at_the_end_all_rows_are_saved(tmp_path, monkeypatch, packed):
     run = simulate(prepare("nadir_day/day-dipole", options), tmp_path / "out")
     assert (run.manifest["status"], run.code) == ("failed", 4)
     lengths = set()
-    for name in wanted.results.names():
-        whole, saved = wanted.results.values(name), run.results.values(name)
-        assert saved.shape == whole.shape, name
-        assert saved.tobytes() == whole.tobytes(), name
+    for name in expected.results.names():
+        full, saved = expected.results.values(name), run.results.values(name)
+        assert saved.shape == full.shape, name
+        assert saved.tobytes() == full.tobytes(), name
         lengths.add(len(saved))
     assert lengths == {20, 21}
 
@@ -1087,7 +1110,7 @@ def test_folders_of_dead_processes_are_swept(system, tmp_path):
     (stale,) = tmp_path.glob("desat-*")
     code = "from desat.files import library; print(library._root())"
     for _ in range(100):  # its child ends by itself
-        made = subprocess.run(
+        done_process = subprocess.run(
             [sys.executable, "-c", code],
             capture_output=True,
             text=True,
@@ -1098,7 +1121,7 @@ def test_folders_of_dead_processes_are_swept(system, tmp_path):
         if not stale.exists():
             break
     assert not stale.exists()
-    assert not Path(made.stdout.strip()).exists()
+    assert not Path(done_process.stdout.strip()).exists()
 
 
 def test_what_is_left_of_a_removal_is_swept(tmp_path, monkeypatch):
@@ -1213,8 +1236,8 @@ def test_two_at_once_wherever_they_run(tmp_path, environment, folder):
     place, temporary = tmp_path / folder, tmp_path / "tmp"
     for new in (place, temporary):
         new.mkdir()
-    given = {**os.environ, "TMPDIR": str(temporary), **environment}
-    given = {k: v for k, v in given.items() if v is not None}
+    inputs = {**os.environ, "TMPDIR": str(temporary), **environment}
+    inputs = {k: v for k, v in inputs.items() if v is not None}
     command = [
         sys.executable,
         "-m",
@@ -1228,7 +1251,7 @@ def test_two_at_once_wherever_they_run(tmp_path, environment, folder):
         subprocess.Popen(
             command,
             cwd=place,
-            env=given,
+            env=inputs,
             text=True,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -1245,20 +1268,22 @@ def test_two_at_once_wherever_they_run(tmp_path, environment, folder):
             else folder
         )
         assert f"{shown}/runs/nadir_day" in out.replace("\n", "")
-    made = sorted(place.glob("runs/*/report.html"))
-    assert [p.parent.name for p in made] == [
+    result = sorted(place.glob("runs/*/report.html"))
+    assert [p.parent.name for p in result] == [
         "nadir_day-day-dipole",
         "nadir_day-day-dipole-2",
     ]
     loops = [
         json.loads((p.parent / "manifest.json").read_text())["loop"]["name"]
-        for p in made
+        for p in result
     ]
     assert loops == ["compiled", "compiled"]
-    series = [Results.open(p.parent) for p in made]
+    series = [Results.open(p.parent) for p in result]
     assert len({r.values("wheels.h_wheel").tobytes() for r in series}) == 1
-    left = [p.name for p in temporary.iterdir()]
-    assert left == ([f"desat-cache-{os.getuid()}"] if "HOME" in environment else [])
+    remaining = [p.name for p in temporary.iterdir()]
+    assert remaining == (
+        [f"desat-cache-{os.getuid()}"] if "HOME" in environment else []
+    )
 
 
 # --- no room --------------------------------------------------------------------------
@@ -1444,9 +1469,11 @@ def test_ten_thousand_outputs(tmp_path, binary):
     described = re.sub(
         "<Outputs>.*</Outputs>", f"<Outputs>{outputs}</Outputs>", described
     )
-    made = fmu(tmp_path / "s/resources/failing.fmu", binary, description=described)
-    (made.parents[1] / "SystemStructure.ssd").write_text(ssd(start="-1097"))
-    run = simulate(prepare(str(made.parents[1]), options("SEGFAULT")), tmp_path / "out")
+    result = fmu(tmp_path / "s/resources/failing.fmu", binary, description=described)
+    (result.parents[1] / "SystemStructure.ssd").write_text(ssd(start="-1097"))
+    run = simulate(
+        prepare(str(result.parents[1]), options("SEGFAULT")), tmp_path / "out"
+    )
     assert len(run.results.names()) == len(numbers)
     assert run.results.times().tolist() == [float(t) for t in range(-1097, 3)]
     for name in ("bad.y1", "bad.y10000"):
@@ -1458,7 +1485,7 @@ def test_ten_thousand_outputs(tmp_path, binary):
 
 
 @pytest.mark.parametrize(
-    ("how", "what"),
+    ("failure", "fault"),
     [
         ("CHDIR", "working directory"),
         ("ROUNDING", "rounding mode"),
@@ -1469,14 +1496,19 @@ def test_ten_thousand_outputs(tmp_path, binary):
         ("FLUSHED", "floating-point modes"),
     ],
 )
-def test_what_a_component_changes_is_put_back_and_said(system, tmp_path, how, what):
-    if how in ("TRAPS", "FLUSHED") and platform.machine() not in ("x86_64", "aarch64"):
+def test_what_a_component_changes_is_put_back_and_said(
+    system, tmp_path, failure, fault
+):
+    if failure in ("TRAPS", "FLUSHED") and platform.machine() not in (
+        "x86_64",
+        "aarch64",
+    ):
         pytest.skip("its modes are not known")
-    run = simulate(prepare(str(system), options(how)), tmp_path / "out")
+    run = simulate(prepare(str(system), options(failure)), tmp_path / "out")
     assert run.ok
-    assert [w for w in run.manifest["warnings"] if what in w]
+    assert [w for w in run.manifest["warnings"] if fault in w]
     here = os.getcwd()
-    simulate(prepare(str(system), Options(sets=options(how).sets, step=1.0)))
+    simulate(prepare(str(system), Options(sets=options(failure).sets, step=1.0)))
     assert os.getcwd() == here
     assert 1.0 + 1e-17 == 1.0
 
@@ -1488,7 +1520,7 @@ def test_a_relative_out_where_a_component_goes_elsewhere(apart, system, tmp_path
         "--step",
         "1",
         "--set",
-        f"bad.how={HOW.index('CHDIR')}",
+        f"bad.how={FAILURES.index('CHDIR')}",
         "--out",
         "o",
         cwd=tmp_path,
@@ -1500,22 +1532,22 @@ def test_a_relative_out_where_a_component_goes_elsewhere(apart, system, tmp_path
 def test_what_a_component_prints_is_no_json_and_what_it_logs_is_a_warning(
     apart, system, tmp_path
 ):
-    for how in ("PRINT", "LOG"):
+    for failure in ("PRINT", "LOG"):
         result = apart(
             "run",
             str(system),
             "--step",
             "1",
             "--set",
-            f"bad.how={HOW.index(how)}",
+            f"bad.how={FAILURES.index(failure)}",
             "--json",
             "--out",
-            str(tmp_path / how),
+            str(tmp_path / failure),
             check=True,
         )
         manifest = json.loads(result.stdout)
         assert manifest["status"] == "completed"
-        assert ("{not json}" in result.stderr) == (how == "PRINT")
+        assert ("{not json}" in result.stderr) == (failure == "PRINT")
     assert "warning: bad: low \ufffd[31mpressure at 3\n" in result.stderr
     assert "\033" not in result.stderr
     assert "bad: low \ufffd[31mpressure at 3" in manifest["warnings"]
@@ -1579,9 +1611,9 @@ def test_devices_and_pipes_are_not_read(system, tmp_path):
 
 
 def zipped(path: Path, entries: dict[str, bytes]) -> Path:
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as made:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in entries.items():
-            made.writestr(name, data)
+            archive.writestr(name, data)
     return path
 
 
@@ -1602,8 +1634,8 @@ def test_budgets_of_archives(tmp_path, monkeypatch):
         library.extract(zipped(tmp_path / "all.ssp", {"a": bytes(11)}))
     link = zipfile.ZipInfo("link")
     link.external_attr = (stat.S_IFLNK | 0o777) << 16
-    with zipfile.ZipFile(tmp_path / "link.ssp", "w") as made:
-        made.writestr(link, "/etc/passwd")
+    with zipfile.ZipFile(tmp_path / "link.ssp", "w") as archive:
+        archive.writestr(link, "/etc/passwd")
     with pytest.raises(DesatError, match="entry 'link' is no regular file"):
         library.extract(tmp_path / "link.ssp")
 
@@ -1631,7 +1663,7 @@ OUTSIDE = '<ssd:ParameterBindings><ssd:ParameterBinding source="../p.ssv"/></ssd
 
 
 @pytest.mark.parametrize(
-    ("given", "checked"),
+    ("values", "checked"),
     [
         ({"source": "../failing.fmu"}, 1),
         ({"inside": OUTSIDE}, 1),
@@ -1644,13 +1676,13 @@ OUTSIDE = '<ssd:ParameterBindings><ssd:ParameterBinding source="../p.ssv"/></ssd
     ids=str,
 )
 def test_a_file_that_is_refused_ends_run_and_check_alike(
-    desat, system, binary, given, checked
+    desat, system, binary, values, checked
 ):
     """By the codes of the README, in lines, and without a folder of the run."""
-    of_fmu = {k: given.pop(k) for k in ("identifier", "folder") if k in given}
+    of_fmu = {k: values.pop(k) for k in ("identifier", "folder") if k in values}
     if of_fmu:
         fmu(system / "resources/failing.fmu", binary, **of_fmu)
-    (system / "SystemStructure.ssd").write_text(ssd(**given))
+    (system / "SystemStructure.ssd").write_text(ssd(**values))
     for command, code in (("run", Exit.INPUT), ("check", checked)):
         more = ("--out", str(system / "out")) if command == "run" else ()
         done = desat(command, str(system), "--step", "1", *more)
@@ -1681,15 +1713,15 @@ def test_a_name_that_is_a_formula_has_a_mark_in_a_csv_file(desat, system, tmp_pa
 
 
 def test_check_runs_no_foreign_code_unless_trusted(apart, system, tmp_path):
-    given = (
+    cases = (
         "check",
         str(system),
         "--step",
         "1",
         "--set",
-        f"bad.how={HOW.index('IN_START')}",
+        f"bad.how={FAILURES.index('IN_START')}",
     )
-    result = apart(*given)
+    result = apart(*cases)
     assert result.returncode == 0, result.stderr
     digest = library.sha256(system / "resources/failing.fmu")
     assert (
@@ -1698,12 +1730,12 @@ def test_check_runs_no_foreign_code_unless_trusted(apart, system, tmp_path):
     )
     listed = tmp_path / "trusted"
     listed.write_text(f"# mine\n{digest}  failing.fmu\n")
-    result = apart(*given, "--trust", str(listed))
+    result = apart(*cases, "--trust", str(listed))
     assert result.returncode == Exit.UNMET
     assert ": bad: entering initialisation ended the process: SIGSEGV" in result.stderr
     listed.write_text("0" * 64)
     result = apart(
-        "run", *given[1:], "--trust", str(listed), "--out", str(tmp_path / "out")
+        "run", *cases[1:], "--trust", str(listed), "--out", str(tmp_path / "out")
     )
     assert result.returncode == Exit.INPUT
     assert "bad: failing.fmu is not of the list of --trust" in result.stderr
@@ -1793,7 +1825,7 @@ def test_a_reader_that_goes_away(system, tmp_path):
             "1",
             "--json",
             "--set",
-            f"bad.how={HOW.index('SEGFAULT')}",
+            f"bad.how={FAILURES.index('SEGFAULT')}",
             "--out",
             str(tmp_path / "out"),
         ],
@@ -1919,7 +1951,7 @@ PROVOKED = {
     "50,000": "50000",
     "is closed": ">&-",
     "(a pipe)": "stdout.close",
-    "lost their end": "left",
+    "lost their end": "remaining",
     "report fails": "write_report",
     "`..`": r'"\.\./',
     "absolute": '"/etc',
@@ -1963,17 +1995,21 @@ def lacking(row: str, sources: dict[str, str]) -> list[str]:
     wrong, and the exit codes."""
     cells = [x.strip() for x in row.strip("| ").split(" | ")]
     texts = "\n".join(sources.get(x, "") for x in re.findall(r"`(test_\w+)`", row))
-    said = [what for what in PROVOKED if what in cells[0]]
-    wrong = [what for what in said if not re.search(PROVOKED[what], texts, re.S)]
+    messages = [subject for subject in PROVOKED if subject in cells[0]]
+    wrong = [
+        subject for subject in messages if not re.search(PROVOKED[subject], texts, re.S)
+    ]
     codes = (
         [int(x) for x in re.findall(r"\b\d+\b", cells[-2])] if len(cells) > 2 else []
     )
     for code in codes:
-        told = rf"Exit\.{Exit(code).name}\b|\b{code}\b" + (SUCCESS if code == 0 else "")
+        message = rf"Exit\.{Exit(code).name}\b|\b{code}\b" + (
+            SUCCESS if code == 0 else ""
+        )
         if code == Exit.INPUT:
-            told += "|raises\\(DesatError"
-        wrong += [] if re.search(told, texts) else [f"code {code}"]
-    return wrong if said else ["anything: add it to PROVOKED"]
+            message += "|raises\\(DesatError"
+        wrong += [] if re.search(message, texts) else [f"code {code}"]
+    return wrong if messages else ["anything: add it to PROVOKED"]
 
 
 def test_every_failure_of_the_table_has_its_test():
@@ -1998,11 +2034,13 @@ def test_every_failure_of_the_table_has_its_test():
                 first = min(
                     (d.lineno for d in node.decorator_list), default=node.lineno
                 )
-                own = "\n".join(lines[first - 1 : node.end_lineno])
+                own_value = "\n".join(lines[first - 1 : node.end_lineno])
                 used = (
-                    x for name, x in constants.items() if re.search(rf"\b{name}\b", own)
+                    x
+                    for name, x in constants.items()
+                    if re.search(rf"\b{name}\b", own_value)
                 )
-                sources[node.name] = "\n".join([own, ast.unparse(node), *used])
+                sources[node.name] = "\n".join([own_value, ast.unparse(node), *used])
     assert len(rows) > 40
     for row in rows:
         named = re.findall(r"`(test_\w+)`", row)
@@ -2012,14 +2050,14 @@ def test_every_failure_of_the_table_has_its_test():
     cited = "".join(
         sources[x] for row in rows for x in re.findall(r"`(test_\w+)`", row)
     )
-    assert [how for how in HOW[1:] if f'"{how}"' not in cited] == []
+    assert [failure for failure in FAILURES[1:] if f'"{failure}"' not in cited] == []
     # each with the tests of all others in turn
     tests = ["`, `".join(re.findall(r"`(test_\w+)`", row)) for row in rows]
     missed = [
         (row, other)
-        for row, own in zip(rows, tests, strict=True)
+        for row, own_value in zip(rows, tests, strict=True)
         for other in tests
-        if not set(own.split("`, `")) & set(other.split("`, `"))
+        if not set(own_value.split("`, `")) & set(other.split("`, `"))
         and not lacking(re.sub(r"`test_.*`", f"`{other}`", row), sources)
     ]
     assert len(missed) < 0.01 * len(rows) ** 2, missed
@@ -2038,7 +2076,7 @@ def test_the_page_has_what_was_seen():
     """`python -m benchmarks.seen` writes it, of what was kept."""
     page = seen.PAGE.read_text(encoding="utf-8")
     assert page.split(seen.BEGIN)[1].split(seen.END)[0] == seen.part()
-    kept = seen.known()
-    assert all(part["equal"] for part in kept["same bits"].values())
-    assert all(part["equal"] == part["runs"] for part in kept["killed"].values())
-    assert not any(part["different"] for part in kept["targets"].values())
+    saved = seen.known()
+    assert all(part["equal"] for part in saved["same bits"].values())
+    assert all(part["equal"] == part["runs"] for part in saved["killed"].values())
+    assert not any(part["different"] for part in saved["targets"].values())

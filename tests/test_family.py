@@ -202,10 +202,10 @@ def test_a_family_touches_no_existing_file(repository):
 
     # h decays by 1 - rate step at each of 50 steps; the body turns about h, which stays
     # where it is
-    start, left = sqrt(0.1**2 + 0.05**2 + 0.02**2), 0.95**50
+    start, remaining = sqrt(0.1**2 + 0.05**2 + 0.02**2), 0.95**50
     numbers = {name: n["value"] for name, n in run["numbers"].items()}
-    assert numbers["momentum_end"] == pytest.approx(start * left, rel=1e-12)
-    turning = start * (1.0 - left) / (10.0 - 0.008)
+    assert numbers["momentum_end"] == pytest.approx(start * remaining, rel=1e-12)
+    turning = start * (1.0 - remaining) / (10.0 - 0.008)
     assert numbers["rate_end"] == pytest.approx(turning, rel=1e-9)
     assert numbers["momentum_residual"] < 1e-15
     assert run["choices"]["manager.mode"] == ["waiting", "braking"]
@@ -213,7 +213,7 @@ def test_a_family_touches_no_existing_file(repository):
     assert page.strip().endswith("copy/docs/papers/spin_down/README.md")
     text = (repository / "docs/papers/spin_down/README.md").read_text(encoding="utf-8")
     assert (
-        f"From {start * left:.6f} N m s left the body turns at {turning:.6f} rad/s.\n"
+        f"From {start * remaining:.6f} N m s left the body turns at {turning:.6f} rad/s.\n"
         in text
     )
     assert f"\n| 0.1 | {start * 0.9**50:.6f} |\n" in text

@@ -20,9 +20,9 @@ TERMS = Terms(orbit_rate=1.1e-3, field=3e-5, inertial=False)
 MANAGERS = compatibility.managers()
 
 
-def of(target, terms=TERMS, asked=(compatibility.ALL,), **options):
+def of(target, terms=TERMS, requests=(compatibility.ALL,), **options):
     found, refused = compatibility.fitting(
-        read(target), Options(**options), terms, asked
+        read(target), Options(**options), terms, requests
     )
     return {f.name: f for f in found}, {r.name: r.why for r in refused}
 
@@ -50,9 +50,9 @@ def test_each_manager_fits_or_is_refused_by_name():
         "quasi-static LQR",
         "predictive",
     ]
-    said = {f.manager for f in found.values()}
-    said |= {f"manager_{name.replace(' ', '_')}" for name in refused}
-    assert said == set(MANAGERS)
+    stated = {f.manager for f in found.values()}
+    stated |= {f"manager_{name.replace(' ', '_')}" for name in refused}
+    assert stated == set(MANAGERS)
     assert refused["combined"] == (
         "it needs thrusters that take its command; the craft has none"
     )
@@ -86,8 +86,8 @@ def test_a_craft_with_one_wheel_has_no_such_law():
 def test_gains_are_the_rules_with_the_crafts_numbers():
     found, _ = of(DAY)
     system, _ = prepare(DAY, Options()).or_raise()
-    own = {n: system.components["manager"].values[n] for n in ("gain", "m_limit")}
-    rate, most = own["gain"], own["m_limit"]
+    own_value = {n: system.components["manager"].values[n] for n in ("gain", "m_limit")}
+    rate, most = own_value["gain"], own_value["m_limit"]
     gain = {n: f.options.values for n, f in found.items()}
     assert gain["ccpl"]["manager.gain"] == pytest.approx(rate / 3e-5)
     assert gain["CP with gravity"]["manager.gain"] == pytest.approx(rate)
@@ -104,20 +104,20 @@ def test_gains_are_the_rules_with_the_crafts_numbers():
 
 
 def test_some_are_asked_for_by_name():
-    found, refused = of(DAY, asked=["ccpl", "predictive"])
+    found, refused = of(DAY, requests=["ccpl", "predictive"])
     assert list(found) == ["cross product", "ccpl", "predictive"]
     assert refused == {}
-    _, refused = of(DAY, asked=["manager_combined"])
+    _, refused = of(DAY, requests=["manager_combined"])
     assert list(refused) == ["combined"]
     with pytest.raises(
         DesatError, match=r"predictve: no law and no manager.*predictive"
     ):
-        of(DAY, asked=["predictve"])
+        of(DAY, requests=["predictve"])
 
 
 def test_terms_of_a_field():
-    made = compatibility.terms_of(5400.0, [[3e-5, 0.0, 4e-5]], True)
-    assert (made.orbit_rate, made.field) == (
+    result = compatibility.terms_of(5400.0, [[3e-5, 0.0, 4e-5]], True)
+    assert (result.orbit_rate, result.field) == (
         pytest.approx(2.0 * pi / 5400.0),
         pytest.approx(5e-5),
     )

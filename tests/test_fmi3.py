@@ -107,7 +107,7 @@ def test_a_mode_that_a_block_never_has_is_no_item_and_a_loop_has_no_terminals():
         """Odd."""
 
         mode: int = Output("1", "mode", choices=("off", "-", "on"))
-        how: int = Parameter("1", "how", choices=("a", "b"))
+        way: int = Parameter("1", "how", choices=("a", "b"))
 
     root = etree.fromstring(fmi3.model_description(Odd, "odd", "{x}", None, {}))
     items = [
@@ -126,7 +126,7 @@ class Both:
     def __init__(self, name: str, folder: Path) -> None:
         block = block_class(name)
         self.heard: list[bytes] = []
-        made = []
+        results = []
         for kind, of in (("native", FMU2Slave), ("fmi3", FMU3Slave)):
             description = fmpy.read_model_description(path(name, kind))
             fmu = of(
@@ -135,8 +135,8 @@ class Both:
                 unzipDirectory=fmpy.extract(str(path(name, kind)), str(folder / kind)),
                 modelIdentifier=description.coSimulation.modelIdentifier,
             )
-            made.append((fmu, {v.name: v for v in description.modelVariables}))
-        (self.two, self.of_two), (self.three, self.of_three) = made
+            results.append((fmu, {v.name: v for v in description.modelVariables}))
+        (self.two, self.of_two), (self.three, self.of_three) = results
         self.two.instantiate()
         self.three.instantiate(
             logMessage=lambda e, status, kind, text: self.heard.append(text)
@@ -375,10 +375,10 @@ def test_all_functions_of_the_standard_are_there(tmp_path):
         check=True,
     ).stdout
     header = Path(fmpy.__file__).parent / "c-code" / "fmi3FunctionTypes.h"
-    wanted = {
+    expected = {
         w.removesuffix("TYPE")
         for w in header.read_text().replace("(", " ").split()
         if w.startswith("fmi3") and w.endswith("TYPE")
     }
-    assert len(wanted) > 60
-    assert {w for w in wanted if f" {w}\n" not in listed} == set()
+    assert len(expected) > 60
+    assert {w for w in expected if f" {w}\n" not in listed} == set()

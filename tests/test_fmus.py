@@ -206,7 +206,7 @@ def test_they_are_as_large_as_the_page_of_hosts_says():
     page = (ROOT / "docs" / "hosts.md").read_text(encoding="utf-8")
     row = re.search(r"\| size \| (\d+) to (\d+) kB \| (\d+) to (\d+) kB \|", page)
     assert row is not None
-    for folder, said in (("native", row.groups()[:2]), (".", row.groups()[2:])):
+    for folder, message in (("native", row.groups()[:2]), (".", row.groups()[2:])):
         files = list((paths.fmus() / folder).glob("*.fmu"))
         with zipfile.ZipFile(files[0]) as archive:
             platforms = {
@@ -216,7 +216,7 @@ def test_they_are_as_large_as_the_page_of_hosts_says():
             pytest.skip("built for all platforms")
         sizes = [f.stat().st_size / 1e3 for f in files]
         assert [min(sizes), max(sizes)] == pytest.approx(
-            [float(x) for x in said], rel=0.02
+            [float(x) for x in message], rel=0.02
         )
 
 
@@ -281,14 +281,14 @@ class Instance:
 
 @pytest.fixture
 def instance():
-    made = []
+    results = []
 
     def make(name: str) -> Instance:
-        made.append(Instance(name))
-        return made[-1]
+        results.append(Instance(name))
+        return results[-1]
 
     yield make
-    for i in made:
+    for i in results:
         i.free()
 
 
@@ -401,8 +401,8 @@ def test_unknown_and_wrong_references(instance):
     assert j.get("fault") == [True]
 
 
-@pytest.mark.parametrize("what", OUT_OF_ORDER)
-def test_what_fmi_forbids_is_a_fault(what, instance):
+@pytest.mark.parametrize("fault", OUT_OF_ORDER)
+def test_what_fmi_forbids_is_a_fault(fault, instance):
     """pythonfmu has no status for most of it."""
     i = instance("torquers").start()
     i.fmu.doStep(0.0, 1.0)
@@ -410,7 +410,7 @@ def test_what_fmi_forbids_is_a_fault(what, instance):
     references = {
         n.partition("[")[0]: v.valueReference for n, v in reversed(i.variables.items())
     }
-    OUT_OF_ORDER[what][0](i.fmu, references)
+    OUT_OF_ORDER[fault][0](i.fmu, references)
     assert i.get("fault") == [True]
 
 

@@ -23,7 +23,7 @@ ANOTHER = "does it belong to another craft?"
 
 
 @pytest.fixture
-def own(tmp_path):
+def write_own(tmp_path):
     """Write a scenario of one's own; its path."""
 
     def write(text: str) -> str:
@@ -34,20 +34,20 @@ def own(tmp_path):
     return write
 
 
-def said(target: str, *sets: str) -> list[str]:
+def messages_of(target: str, *sets: str) -> list[str]:
     """What a check warns of in a craft that may be another's."""
     case = prepare(target, Options(blocks=True, sets=list(sets)))
     assert not case.checked.problems, case.checked.problems
     return [x for x in case.checked.warnings if ANOTHER in x]
 
 
-def test_a_craft_that_extends_another_is_one_craft(own):
+def test_a_craft_that_extends_another_is_one_craft(write_own):
     """The issue's own: nadir_day with another inertia. Its gains were those of the old
     one, and pointing 5.13 deg for 0.05, with no word."""
-    target = own(
+    target = write_own(
         f'extends = "nadir_day/day-dipole"\nstop = 6000.0\nshared.inertia = {INERTIA}\n'
     )
-    assert said(target) == []
+    assert messages_of(target) == []
     run = execute(target, Options(blocks=True))
     known = run.manifest["parameters"]
     assert (
@@ -133,19 +133,19 @@ OTHERS = [
 
 @pytest.mark.parametrize(("target", "craft", "stays", "text"), OTHERS)
 def test_what_is_of_another_craft_is_said(target, craft, stays, text):
-    before = said(target)
-    found = [x for x in said(target, craft, stays) if x not in before]
+    before = messages_of(target)
+    found = [x for x in messages_of(target, craft, stays) if x not in before]
     name = stays.partition("=")[0]
     assert any(text in x and "Written as " in x for x in found), found
-    assert [x for x in said(target, stays) if name in x] == [], "equal: silent"
+    assert [x for x in messages_of(target, stays) if name in x] == [], "equal: silent"
     assert all(x.startswith("--set") for x in found if name in x), (
         "it names who gave it"
     )
 
 
-def test_run_and_check_say_it(desat, own, tmp_path):
+def test_run_and_check_say_it(desat, write_own, tmp_path):
     matrix = "[[10.5, 0.3, -0.2], [0.3, 9.0, 0.15], [-0.2, 0.15, 6.5]]"
-    target = own(
+    target = write_own(
         f'extends = "nadir_day/day-dipole"\nstop = 10.0\nshared.inertia = {INERTIA}\n'
         f"parameters.controller.gain_matrix = {matrix}\n"
     )
@@ -162,19 +162,19 @@ def test_run_and_check_say_it(desat, own, tmp_path):
 
 def test_what_a_scenario_says_follows_is_silent():
     name = "nadir_day/day-dipole"
-    assert said(name, "manager.m_limit=4.0")
-    assert said(name, "manager.m_limit=0.8 * torquers.m_limit") == []
-    assert said(name, "manager.m_limit=0.0") == [], "off"
+    assert messages_of(name, "manager.m_limit=4.0")
+    assert messages_of(name, "manager.m_limit=0.8 * torquers.m_limit") == []
+    assert messages_of(name, "manager.m_limit=0.0") == [], "off"
     one = "controller.gain_matrix=2,0,0,0,2,0,0,0,2"
-    assert said(name, one) == [], "the identity is of no craft"
-    assert said(name, one.replace("2,0,0,0,2", "2,0,0,0,3"))
+    assert messages_of(name, one) == [], "the identity is of no craft"
+    assert messages_of(name, one.replace("2,0,0,0,2", "2,0,0,0,3"))
 
 
-def test_a_default_that_is_not_the_crafts_is_said(own):
+def test_a_default_that_is_not_the_crafts_is_said(write_own):
     text = (
         'extends = "nadir_day/day-dipole"\nwithout = ["parameters.manager.m_limit"]\n'
     )
-    found = said(own(text))
+    found = messages_of(write_own(text))
     assert len(found) == 1
     assert (
         "default: manager.m_limit = 20 A.m2, where torquers.m_limit is 5 A.m2"

@@ -48,12 +48,19 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None or sys.platform != "linux":
         pytest.skip("needs Linux and a C compiler")
-    made = tmp_path_factory.mktemp("gain1") / "gain1.so"
+    shared_library = tmp_path_factory.mktemp("gain1") / "gain1.so"
     subprocess.run(
-        [compiler, "-shared", "-fPIC", "-o", str(made), str(HERE / "gain1.c")],
+        [
+            compiler,
+            "-shared",
+            "-fPIC",
+            "-o",
+            str(shared_library),
+            str(HERE / "gain1.c"),
+        ],
         check=True,
     )
-    return made
+    return shared_library
 
 
 def fmu(path: Path, library: Path, description: str = DESCRIPTION) -> Path:
@@ -90,7 +97,7 @@ def scenario(folder: Path, values: str = "k = 3.0") -> Path:
             "</ssd:ParameterBindings></ssd:Component>"
         )
 
-    def given(name: str, kind: str, value: str) -> str:
+    def parameter(name: str, kind: str, value: str) -> str:
         return f'<ssv:Parameter name="{name}"><ssv:{kind} value="{value}"/></ssv:Parameter>'
 
     wires = "".join(
@@ -98,15 +105,15 @@ def scenario(folder: Path, values: str = "k = 3.0") -> Path:
         for x, y in (("x", "u"), ("m", "n"), ("c", "b"))
     )
     first = (
-        given(key, "Real", value)
-        + given("u", "Real", "0.5")
-        + given("n", "Integer", "41")
-        + given("b", "Boolean", "false")
+        parameter(key, "Real", value)
+        + parameter("u", "Real", "0.5")
+        + parameter("n", "Integer", "41")
+        + parameter("b", "Boolean", "false")
     )
     file = folder / "SystemStructure.ssd"
     file.write_text(
         f'<ssd:SystemStructureDescription version="1.0" name="x" {names}><ssd:System name="s">'
-        f"<ssd:Elements>{part('a', first)}{part('b', given('k', 'Real', '2'))}</ssd:Elements>"
+        f"<ssd:Elements>{part('a', first)}{part('b', parameter('k', 'Real', '2'))}</ssd:Elements>"
         f"<ssd:Connections>{wires}</ssd:Connections></ssd:System></ssd:SystemStructureDescription>"
     )
     return file
@@ -172,7 +179,7 @@ def test_what_the_fmu_says_is_told(tmp_path: Path, library: Path) -> None:
     ],
 )
 @pytest.mark.parametrize(
-    ("k", "said", "status"),
+    ("k", "expected_message", "status"),
     [
         (
             11,
@@ -189,7 +196,7 @@ def test_what_a_status_says_is_told_and_it_is_terminated(
     loop: str,
     isolate: str,
     k: int,
-    said: str,
+    expected_message: str,
     status: str,
 ) -> None:
     fmu(tmp_path / "gain.fmu", library)
@@ -203,12 +210,12 @@ def test_what_a_status_says_is_told_and_it_is_terminated(
     run = desat.run(str(scenario(tmp_path, f"k = {k}")), **options)
     assert run.manifest.status == status
     lines = [*run.manifest.warnings, *run.manifest.message.splitlines()]
-    assert [line for line in lines if line.startswith("a: ")] == [said]
+    assert [line for line in lines if line.startswith("a: ")] == [expected_message]
     assert len(run.results.times()) == 9
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "message"),
     [
         (
             "CoSimulation_StandAlone",
@@ -225,10 +232,10 @@ def test_what_a_status_says_is_told_and_it_is_terminated(
     ],
 )
 def test_what_cannot_be_is_refused_by_name(
-    tmp_path: Path, library: Path, old: str, new: str, told: str
+    tmp_path: Path, library: Path, old: str, new: str, message: str
 ) -> None:
     fmu(tmp_path / "gain.fmu", library, DESCRIPTION.replace(old, new))
-    with pytest.raises(DesatError, match=rf"a: gain\.fmu.*{told}"):
+    with pytest.raises(DesatError, match=rf"a: gain\.fmu.*{message}"):
         desat.run(str(scenario(tmp_path)), stop=2.0, step=0.25, substeps=1)
 
 

@@ -32,7 +32,7 @@ from desat.system.layer import Layer, Place, Value
 from desat.system.model import Connection
 
 BOTH = ("compiled", "python")
-WHOLE = {
+FULL_RANGE = {
     "Int8": 20,
     "Int16": 22,
     "Int32": 24,
@@ -69,7 +69,7 @@ def description(
         '<String name="said" valueReference="50" causality="parameter"><Start value="x"/></String>',
         '<Binary name="blob" valueReference="51" causality="input"/>',
     ]
-    for name, vr in WHOLE.items():
+    for name, vr in FULL_RANGE.items():
         low = name.lower()
         rows.append(
             f'<{name} name="{low}_in" valueReference="{vr}" causality="input" start="1"/>'
@@ -78,7 +78,7 @@ def description(
             f'<{name} name="{low}_out" valueReference="{vr + 1}" causality="output"/>'
         )
     knowns = {"3": "2", "6": "5", "7": "", "37": "36", "41": "40"} | {
-        str(vr + 1): str(vr) for vr in WHOLE.values()
+        str(vr + 1): str(vr) for vr in FULL_RANGE.values()
     }
     outputs = "".join(
         f'<Output valueReference="{r}" dependencies="{on}"/>'
@@ -99,15 +99,15 @@ def description(
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The stranger's folder."""
-    return made(tmp_path_factory.mktemp("strange3"))
+    return compiled_folder(tmp_path_factory.mktemp("strange3"))
 
 
-def made(where: Path, *flags: str) -> Path:
+def compiled_folder(place: Path, *flags: str) -> Path:
     """The folder `where` as the stranger's, compiled with these flags."""
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None or sys.platform != "linux":
         pytest.skip("needs Linux and a C compiler")
-    library_ = where / "binaries" / fmpy.platform_tuple / "strange3.so"
+    library_ = place / "binaries" / fmpy.platform_tuple / "strange3.so"
     library_.parent.mkdir(parents=True)
     source = (Path(__file__).parent / "strange3.c").read_text()
     header = (Path(fmpy.__file__).parent / "c-code" / "fmi3FunctionTypes.h").read_text()
@@ -117,9 +117,9 @@ def made(where: Path, *flags: str) -> Path:
     others -= {
         f"fmi3{way}{name}"
         for way in ("Get", "Set")
-        for name in ("Float32", "Float64", "Boolean", *WHOLE)
+        for name in ("Float32", "Float64", "Boolean", *FULL_RANGE)
     }
-    code = where / "strange3.c"
+    code = place / "strange3.c"
     code.write_text(
         source + "".join(f"int {f}(void) {{ return 3; }}\n" for f in sorted(others))
     )
@@ -138,11 +138,11 @@ def made(where: Path, *flags: str) -> Path:
         ],
         check=True,
     )
-    (where / "modelDescription.xml").write_text(description())
-    return where
+    (place / "modelDescription.xml").write_text(description())
+    return place
 
 
-TYPED = ("f", "b", "m", *(n.lower() for n in WHOLE))
+TYPED = ("f", "b", "m", *(n.lower() for n in FULL_RANGE))
 WIRES = [
     Connection(
         "a", "y[1]", "b", "u[2]", factor=3.0, offset=-0.1
@@ -155,17 +155,17 @@ WIRES = [
 def system(folder: Path, of: str = "b", **parameters: object):
     """Two in a row, one of them with these parameters."""
     fmu = library.load(folder)
-    given: dict[str, dict[str, object]] = {
+    inputs: dict[str, dict[str, object]] = {
         "a": {"u[1]": 0.5, "u[2]": 1.5, "u[3]": 7.0},
         "b": {"u[1]": 0.5, "u[3]": 2.5},
     }
-    given[of] |= parameters
+    inputs[of] |= parameters
     layer = Layer("here", "strange", connections=list(WIRES), step=0.5, stop=1e6)
     for n in "ab":
         layer.places.append(Place(n, "strange3.fmu", fmu))
         layer.values += [
             Value(n, name, x, "here", "here", unchecked=True)
-            for name, x in given[n].items()
+            for name, x in inputs[n].items()
         ]
     return Builder(layer).check().or_raise()
 
@@ -180,9 +180,9 @@ def rows(
     with Master(*system(folder, **parameters), isolated=isolated) as m:
         m.initialise()
         recorder = Recorder(None, m)
-        made = stepping(m, recorder, NEVER, loop)
-        assert made.name == loop, made.reason
-        run(m, made, steps, recorder)
+        result = stepping(m, recorder, NEVER, loop)
+        assert result.name == loop, result.reason
+        run(m, result, steps, recorder)
         with recorder.finish(m) as results:
             return {n: results.values(n).copy() for n in results.names()}
 
@@ -196,7 +196,7 @@ def test_what_it_declares_is_read(folder):
         "table[2,2]",
     ]
     assert [signals[f"u[{i}]"].start for i in (1, 2, 3)] == [0.5, 1.5, 2.5]
-    assert {signals[f"{n.lower()}_in"].kind for n in WHOLE} == {"Integer"}
+    assert {signals[f"{n.lower()}_in"].kind for n in FULL_RANGE} == {"Integer"}
     assert signals["f_in"].kind == "Real"
     assert signals["m_in"].choices == ("off", "on", "-", "safe")
     assert signals["y[2]"].output_class == "interval"
@@ -204,10 +204,10 @@ def test_what_it_declares_is_read(folder):
 
 
 def test_every_type_comes_through_alike_in_both_loops(folder):
-    made = [rows(folder, loop) for loop in BOTH]
-    for name, values in made[0].items():
-        assert values.tobytes() == made[1][name].tobytes(), name
-    got = made[0]
+    results = [rows(folder, loop) for loop in BOTH]
+    for name, values in results[0].items():
+        assert values.tobytes() == results[1][name].tobytes(), name
+    got = results[0]
     t = 0.5 * np.arange(21)
     y = 2.0 * 0.5 + np.sin(t + 0.5)[:-1]  # over the step from t
     np.testing.assert_array_equal(
@@ -221,7 +221,7 @@ def test_every_type_comes_through_alike_in_both_loops(folder):
     np.testing.assert_array_equal(
         got["b.table"].reshape(21, 4), 10.0 * np.arange(4) + t[:, None], strict=True
     )
-    for n in WHOLE:
+    for n in FULL_RANGE:
         assert (got[f"b.{n.lower()}_out"][:20] == 3).all(), n
     assert got["b.b_out"][:20].all() == 0
     assert (got["b.m_out"][:20] == 1).all()
@@ -229,7 +229,7 @@ def test_every_type_comes_through_alike_in_both_loops(folder):
 
 @pytest.mark.parametrize("loop", BOTH)
 @pytest.mark.parametrize(
-    ("trick", "said"),
+    ("trick", "message"),
     [
         (
             1,
@@ -264,10 +264,10 @@ def test_every_type_comes_through_alike_in_both_loops(folder):
         ),
     ],
 )
-def test_what_a_step_may_not_end_with_is_said(folder, loop, trick, said):
+def test_what_a_step_may_not_end_with_is_said(folder, loop, trick, message):
     with pytest.raises(ComponentError) as error:
         rows(folder, loop, trick=trick)
-    assert str(error.value) == said
+    assert str(error.value) == message
 
 
 WAYS = [("compiled", ()), ("python", ()), ("python", ("a", "b"))]
@@ -276,7 +276,7 @@ WAYS = [("compiled", ()), ("python", ()), ("python", ("a", "b"))]
 
 @pytest.mark.parametrize(("loop", "isolated"), WAYS)
 @pytest.mark.parametrize(
-    ("trick", "said"),
+    ("trick", "message"),
     [
         (5, "it says ok, but came to t = 3.125 s"),
         (6, "it wants an event handled"),
@@ -284,10 +284,10 @@ WAYS = [("compiled", ()), ("python", ()), ("python", ("a", "b"))]
     ],
 )
 def test_a_step_that_is_none_is_refused_in_every_way(
-    folder, loop, isolated, trick, said
+    folder, loop, isolated, trick, message
 ):
     with pytest.raises(
-        ComponentError, match=f"b: the step from t = 3 s returned error: .*{said}"
+        ComponentError, match=f"b: the step from t = 3 s returned error: .*{message}"
     ):
         rows(folder, loop, isolated=isolated, trick=trick)
 
@@ -325,7 +325,7 @@ def test_a_status_below_0_is_none_of_fmi(folder, isolated):
 
 @pytest.mark.parametrize("isolate", ["none", "foreign"])
 @pytest.mark.parametrize(
-    ("trick", "status", "told"),
+    ("trick", "status", "expected_message"),
     [
         (12, "completed", "b: fmi3Terminate returned warning"),
         (13, "failed", "b: fmi3Terminate returned error: not now, after the run"),
@@ -337,7 +337,7 @@ def test_a_status_below_0_is_none_of_fmi(folder, isolated):
     ],
 )
 def test_a_run_that_has_not_failed_terminates_it(
-    folder, tmp_path, isolate, trick, status, told
+    folder, tmp_path, isolate, trick, status, expected_message
 ):
     """All rows are there; at the end of one that has failed no more is said."""
     shutil.make_archive(str(tmp_path / "strange3"), "zip", folder)
@@ -352,15 +352,15 @@ def test_a_run_that_has_not_failed_terminates_it(
     ran = desat.run(str(tmp_path), {"b.trick": trick}, **options)
     assert ran.manifest.status == status
     assert len(ran.results.times()) == (11 if trick > 10 else 7)
-    said = [ran.manifest.message, *ran.manifest.warnings]
-    (own,) = (x for x in said if x.startswith("b: ") and "returned" in x)
-    assert own.startswith(told)
-    assert sum("Terminate" in line for line in said) == (trick > 10)
+    messages = [ran.manifest.message, *ran.manifest.warnings]
+    (own_value,) = (x for x in messages if x.startswith("b: ") and "returned" in x)
+    assert own_value.startswith(expected_message)
+    assert sum("Terminate" in line for line in messages) == (trick > 10)
 
 
 @pytest.mark.parametrize("isolate", ["none", "foreign"])
 def test_a_library_of_another_version_is_refused(tmp_path, isolate):
-    other = made(tmp_path / "other", '-DVERSION="3.9"')
+    other = compiled_folder(tmp_path / "other", '-DVERSION="3.9"')
     isolated = ("a", "b") if isolate == "foreign" else ()
     with pytest.raises(DesatError) as error:
         Master(*system(other), isolated=isolated)
@@ -421,14 +421,14 @@ def test_the_last_value_of_a_type_is_one_of_it(folder, loop):
 def test_what_is_logged_is_told_where_it_is_no_ok_and_twenty_times(
     folder, loop, isolated
 ):
-    for trick, told in (
+    for trick, answer in (
         (15, []),
         (16, [f"b: now at {0.5 * k:g} s" for k in range(20)]),
     ):
         with Master(*system(folder, trick=trick), isolated=isolated) as m:
             m.initialise()
             run(m, stepping(m, None, NEVER, loop), 30, Recorder(None, m))
-            assert m.messages() == told
+            assert m.messages() == answer
 
 
 def test_a_step_that_is_discarded_is_halved(folder):
@@ -452,7 +452,7 @@ def test_a_state_goes_on_in_another_instance(folder):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         (
             description(kind="ModelExchange"),
@@ -497,12 +497,12 @@ def test_a_state_goes_on_in_another_instance(folder):
         ),
     ],
 )
-def test_what_is_not_supported_is_refused_by_name(tmp_path, text, said):
+def test_what_is_not_supported_is_refused_by_name(tmp_path, text, message):
     (tmp_path / "modelDescription.xml").write_text(text)
     with pytest.raises(DesatError) as error:
         of_fmu(tmp_path, "theirs.fmu")
     assert str(error.value).startswith("theirs.fmu")
-    assert said in str(error.value)
+    assert message in str(error.value)
 
 
 def test_what_is_not_handed_on_is_said(folder):

@@ -13,7 +13,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from test_failures import HOW, compiled, fmu
+from test_failures import FAILURES, compiled, fmu
 
 import desat
 from desat.runs.prepare import prepare
@@ -52,13 +52,13 @@ def gain(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if compiler is None or sys.platform != "linux":
         pytest.skip("needs Linux and a C compiler")
     folder = tmp_path_factory.mktemp("gain")
-    source, made = Path(__file__).parent / "gain.c", folder / "gain.so"
+    source, library = Path(__file__).parent / "gain.c", folder / "gain.so"
     subprocess.run(
-        [compiler, "-shared", "-fPIC", "-o", str(made), str(source)], check=True
+        [compiler, "-shared", "-fPIC", "-o", str(library), str(source)], check=True
     )
     with zipfile.ZipFile(folder / "gain.fmu", "w") as file:
         file.writestr("modelDescription.xml", DESCRIPTION)
-        file.write(made, "binaries/linux64/gain.so")
+        file.write(library, "binaries/linux64/gain.so")
     return folder / "gain.fmu"
 
 
@@ -77,10 +77,10 @@ def component(name: str, bindings: str = "", source: str = "resources/gain.fmu")
 def wire(start: str, end: str, extra: str = "") -> str:
     """`a.y`, or `y` of the system itself."""
     text = ""
-    for which, name in (("start", start), ("end", end)):
+    for kind, name in (("start", start), ("end", end)):
         element, dot, connector = name.rpartition(".")
-        text += f' {which}Element="{element}"' if dot else ""
-        text += f' {which}Connector="{connector}"'
+        text += f' {kind}Element="{element}"' if dot else ""
+        text += f' {kind}Connector="{connector}"'
     return f"<ssd:Connection{text}>{extra}</ssd:Connection>"
 
 
@@ -234,8 +234,8 @@ def test_a_dictionary_is_that_of_the_system_around(tmp_path: Path, gain: Path) -
 
     def one(name: str, value: float) -> str:
         parts = component("a", inline({"u": value})) + reference.format("here") + within
-        made = system(name, parts, wire("a.y", "here.x"))
-        return made[: -len("</ssd:System>")] + declared
+        result = system(name, parts, wire("a.y", "here.x"))
+        return result[: -len("</ssd:System>")] + declared
 
     file = ssp(tmp_path, gain, system("s", one("p", 6.0) + one("q", 7.0)))
     assert last(file, "p_deep_b.y") == 6.0
@@ -257,9 +257,9 @@ def test_a_dictionary_is_that_of_the_system_around(tmp_path: Path, gain: Path) -
             wire("r.x", "b.u"),
         ),
     )
-    told = prepare(str(alone), Options(stop=2.0, step=0.5)).checked.warnings
+    messages = prepare(str(alone), Options(stop=2.0, step=0.5)).checked.warnings
     assert any(
-        "r: no system that it is in has a dictionary bus: taken" in w for w in told
+        "r: no system that it is in has a dictionary bus: taken" in w for w in messages
     )
 
 
@@ -294,11 +294,11 @@ def test_of_two_sets_the_later_stands_but_one_may_not_waver(
             "<ssv:Parameters>", f"<ssv:Parameters>{both}"
         )
         file = ssp(tmp_path, gain, system("s", component("a", twice)))
-        told = [
+        answer = [
             p for p in prepare(str(file), Options()).checked.problems if "twice" in p
         ]
-        assert bool(told) == refused
-        assert not refused or told[0].endswith("k is given twice")
+        assert bool(answer) == refused
+        assert not refused or answer[0].endswith("k is given twice")
 
 
 def test_units_that_nobody_explains(tmp_path: Path, gain: Path) -> None:
@@ -385,13 +385,13 @@ def test_what_is_forgotten_is_a_warning(tmp_path: Path, gain: Path) -> None:
     case = prepare(str(file), Options())
     case.or_raise()
     text = "\n".join(case.checked.warnings)
-    for said in (
+    for message in (
         "prefix osp is not declared",
         "version 2.0: read as 1.0",
         "a: u is listed",
         "gain.fmu has no variable lost",
     ):
-        assert said in text
+        assert message in text
     assert last(file, "b.y") == 2.0  # bar
 
 
@@ -506,10 +506,10 @@ def leaving(folder: Path, gain: Path) -> str:
 def not_finite(folder: Path, gain: Path) -> str:
     """In the first step, which begins at 5 s."""
     fmu(folder / "resources/failing.fmu", compiled(folder))
-    how = inline({"how": HOW.index("NOT_FINITE")}).replace("Real", "Integer")
+    way = inline({"how": FAILURES.index("NOT_FINITE")}).replace("Real", "Integer")
     return system(
         "s",
-        f'<ssd:Component name="a" source="resources/failing.fmu">{how}</ssd:Component>',
+        f'<ssd:Component name="a" source="resources/failing.fmu">{way}</ssd:Component>',
     ) + EXPERIMENT.format(5, 6)
 
 
@@ -567,20 +567,20 @@ STAND_INS = {
 gain.fmu."""
 
 
-@pytest.mark.parametrize("said", STAND_INS)
+@pytest.mark.parametrize("expected_message", STAND_INS)
 def test_what_becomes_of_public_ones_becomes_of_their_kind(
-    tmp_path: Path, gain: Path, said: str
+    tmp_path: Path, gain: Path, expected_message: str
 ) -> None:
-    file = ssp(tmp_path, gain, STAND_INS[said](tmp_path, gain))
-    if said == "fails":
+    file = ssp(tmp_path, gain, STAND_INS[expected_message](tmp_path, gain))
+    if expected_message == "fails":
         run = desat.run(str(file), step=0.5, substeps=1)
         assert run.manifest.status == "failed"
         assert run.manifest.message == "a.y = nan at t = 5.5 s"
         return
     with pytest.raises(DesatError) as caught:
         desat.run(str(file), substeps=1)
-    what, _, kind = said.partition(", of an ")
-    lines = [line for line in str(caught.value).splitlines() if what in line]
+    subject, _, kind = expected_message.partition(", of an ")
+    lines = [line for line in str(caught.value).splitlines() if subject in line]
     assert lines
     assert not kind or re.match(rf"\w+\{kind}:\d+: ", lines[0])
 
@@ -643,7 +643,7 @@ def of_no_times(folder: Path, gain: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("made", "options", "name"),
+    ("result", "options", "name"),
     [
         (of_their_annotation, {}, "a.y"),
         (of_files_in_files, {"step": 0.25}, "inner_a.y"),
@@ -651,9 +651,9 @@ def of_no_times(folder: Path, gain: Path) -> Path:
     ],
 )
 def test_their_ways_to_write_run_to_the_end(
-    tmp_path: Path, gain: Path, made, options: dict[str, object], name: str
+    tmp_path: Path, gain: Path, result, options: dict[str, object], name: str
 ) -> None:
-    file = made(tmp_path, gain)
+    file = result(tmp_path, gain)
     run = desat.run(str(file), substeps=1, **options)
     assert run.manifest.status == "completed"
     assert (run.manifest.steps_done, run.results.values(name)[-1]) == (4, 6.0)
@@ -665,25 +665,27 @@ def test_their_ways_to_write_run_to_the_end(
 
 
 def test_each_outcome_of_public_ones_has_a_stand_in() -> None:
-    known = {said.partition(",")[0] for said in STAND_INS}
-    assert {told["outcome"] for told in PUBLIC} - {"runs"} == known
+    known = {message.partition(",")[0] for message in STAND_INS}
+    assert {answer["outcome"] for answer in PUBLIC} - {"runs"} == known
 
 
 PUBLIC = tomllib.loads((Path(__file__).parent / "foreign.toml").read_text())["ssp"]
 
 
 @pytest.mark.parametrize(
-    "told", PUBLIC, ids=lambda told: f"{told['repository']}/{told['file']}"
+    "message", PUBLIC, ids=lambda message: f"{message['repository']}/{message['file']}"
 )
-def test_public_ones_become_what_is_told_of_them(told: dict[str, str]) -> None:
+def test_public_ones_become_what_is_told_of_them(message: dict[str, str]) -> None:
     """Of those that lie in the folder DESAT_FOREIGN; none of them is committed."""
     file = (
-        Path(os.environ.get("DESAT_FOREIGN", "-")) / told["repository"] / told["file"]
+        Path(os.environ.get("DESAT_FOREIGN", "-"))
+        / message["repository"]
+        / message["file"]
     )
     if not file.is_file():
         pytest.skip("not there")
-    assert hashlib.sha256(file.read_bytes()).hexdigest() == told["sha256"]
-    late = "no_algorithm" in told["file"]  # starts at 5 s
+    assert hashlib.sha256(file.read_bytes()).hexdigest() == message["sha256"]
+    late = "no_algorithm" in message["file"]  # starts at 5 s
     options = {"inner": 1, "stop": 6.0 if late else 1.0, "outside": True}
     without = {
         "dcmotor": 0.001,
@@ -691,11 +693,13 @@ def test_public_ones_become_what_is_told_of_them(told: dict[str, str]) -> None:
         "1.0/dp_ship": 0.02,
         "linear_": 0.1,
     }
-    if steps := [x for name, x in without.items() if name in told["file"]]:
+    if steps := [x for name, x in without.items() if name in message["file"]]:
         options["step"] = steps[0]
-    if told["outcome"] in (ended := {"runs": "completed", "fails": "failed"}):
-        assert desat.run(str(file), **options).manifest.status == ended[told["outcome"]]
+    if message["outcome"] in (ended := {"runs": "completed", "fails": "failed"}):
+        assert (
+            desat.run(str(file), **options).manifest.status == ended[message["outcome"]]
+        )
     else:
         with pytest.raises(DesatError) as caught:
             desat.run(str(file), **options)
-        assert told["outcome"] in str(caught.value)
+        assert message["outcome"] in str(caught.value)

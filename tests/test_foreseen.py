@@ -27,7 +27,7 @@ def checked(target, *sets, sources=(), **options):
     return prepare(target, options).checked
 
 
-def told(target, *sets, **options):
+def new_warnings(target, *sets, **options):
     """The warnings that a target has with options beyond those without."""
     before = checked(target).warnings
     found = checked(target, *sets, **options)
@@ -38,7 +38,7 @@ def told(target, *sets, **options):
 # --- models that are left -------------------------------------------------------------
 
 
-def own(tmp_path, text, of=DAY):
+def write_own(tmp_path, text, of=DAY):
     file = tmp_path / "own.toml"
     file.write_text(f'extends = "{of}"\n{text}\n', encoding="utf-8")
     return str(file)
@@ -53,7 +53,7 @@ def own(tmp_path, text, of=DAY):
     ],
 )
 def test_a_run_beyond_the_field_model_is_refused_before_it(desat, tmp_path, text, year):
-    file = own(tmp_path, text)
+    file = write_own(tmp_path, text)
     done = desat("run", file, "--blocks", "--out", str(tmp_path / "run"))
     assert done.returncode == Exit.INPUT, done.stderr
     (line,) = [x for x in done.stderr.splitlines() if "IGRF-14 covers" in x]
@@ -64,10 +64,10 @@ def test_a_run_beyond_the_field_model_is_refused_before_it(desat, tmp_path, text
 
 
 def test_a_run_that_ends_with_the_field_model_is_not_refused(tmp_path):
-    file = own(tmp_path, "epoch = 2029-12-31T00:00:00Z")
+    file = write_own(tmp_path, "epoch = 2029-12-31T00:00:00Z")
     assert checked(file, stop=86400.0).problems == []
     assert checked(file, stop=86800.0).problems != []
-    dipole = own(
+    dipole = write_own(
         tmp_path,
         "epoch = 2031-01-01T00:00:00Z\nparameters.environment.field = 'dipole'",
     )
@@ -86,7 +86,7 @@ def test_what_a_manager_predicts_is_within_its_field_model():
 
 def test_the_suns_formula_is_left_with_a_word(tmp_path):
     text = "epoch = 2101-01-01T00:00:00Z\nparameters.environment.field = 'dipole'"
-    lines = [w for w in checked(own(tmp_path, text)).warnings if "Sun" in w]
+    lines = [w for w in checked(write_own(tmp_path, text)).warnings if "Sun" in w]
     (line,) = lines
     assert "own.toml: epoch" in line
     assert "the year 2101.00 is outside [1950, 2050]" in line
@@ -131,10 +131,10 @@ def test_each_range_is_declared_once():
 
 def test_a_manager_without_its_design_is_told():
     """One that is put in another's place is refused."""
-    given = {"sources": ["manager=manager_magnetic"]}
-    (line,) = checked(NADIR, **given).problems
+    values = {"sources": ["manager=manager_magnetic"]}
+    (line,) = checked(NADIR, **values).problems
     assert line.endswith("(`desat design`); gain_table, offset_table are 0")
-    (line,) = told("uosat12/fig2-mec-1", "manager.costate=0,0,0")
+    (line,) = new_warnings("uosat12/fig2-mec-1", "manager.costate=0,0,0")
     assert (
         "costate = 0: law = mec commands no dipole without it; `desat design` makes it"
         in line
@@ -162,7 +162,7 @@ def unwired(tmp_path, *inputs, family, name):
     )
     craft += "" if "[wiring]" in craft else f"\n[wiring]\n{lines}"
     (tmp_path / "craft.toml").write_text(craft, encoding="utf-8")
-    return own(tmp_path, 'craft = "craft.toml"', f"{family}/{name}")
+    return write_own(tmp_path, 'craft = "craft.toml"', f"{family}/{name}")
 
 
 def test_a_controllers_torque_that_reaches_no_wheel_is_refused(tmp_path):
@@ -223,10 +223,10 @@ def test_what_detumbling_needs_follows_from_where_its_rate_is_from(rate_from, la
 
 def test_nozzles_without_torque_about_an_axis_are_told():
     source = ["thrusters=thrusters_nozzles"]
-    assert not [w for w in told(COMBINED, sources=source) if "no torque" in w]
+    assert not [w for w in new_warnings(COMBINED, sources=source) if "no torque" in w]
     (line,) = [
         w
-        for w in told(
+        for w in new_warnings(
             COMBINED, "thrusters.thrust=0.1,0,0.1,0.1,0.1,0.1,0,0", sources=source
         )
         if "no torque" in w
@@ -248,7 +248,7 @@ def test_nozzles_may_share_an_axis():
 
 
 @pytest.mark.parametrize(
-    ("target", "given", "text"),
+    ("target", "values", "text"),
     [
         (
             NADIR,
@@ -264,15 +264,17 @@ def test_nozzles_may_share_an_axis():
         (DAY, "environment.raan=97.5", "environment.raan = 97.5 rad: usual is"),
     ],
 )
-def test_an_unusual_value_is_told(target, given, text):
-    (line,) = [w for w in told(target, given) if "usual" in w]
-    assert line.startswith(f"--set {given}: ")
+def test_an_unusual_value_is_told(target, values, text):
+    (line,) = [w for w in new_warnings(target, values) if "usual" in w]
+    assert line.startswith(f"--set {values}: ")
     assert text in line
 
 
 def test_a_slew_of_90_rad_is_told():
     name = next(n for n in scenarios("integrated") if "slew" in n)
-    (line,) = [w for w in told(name, "guidance.slew_body=0,0,90") if "usual" in w]
+    (line,) = [
+        w for w in new_warnings(name, "guidance.slew_body=0,0,90") if "usual" in w
+    ]
     assert "guidance.slew_body[3] = 90 rad: usual is -6.2832 to 6.2832 rad" in line
 
 
@@ -339,12 +341,12 @@ def test_another_manager_of_a_scenario_keeps_them_too(tmp_path):
     text = 'title = "Own"\ndescription = "Own."\ncraft = "craft.toml"\nstep = 1.0\nstop = 10.0\n'
     text += 'sources.manager = "manager_closed_loop"\n'
     of = "inertia = [1, 0, 0, 0, 2, 0, 0, 0,"
-    for given, known in (
+    for inputs, known in (
         ("", 2.5),
         (f"parameters.spacecraft.{of} 2]", 2.0),
         (f"parameters.manager.{of} 3]", 3.0),
     ):
-        file.write_text(text + given, encoding="utf-8")
+        file.write_text(text + inputs, encoding="utf-8")
         found = checked(str(file))
         (line,) = found.problems
         assert (
@@ -359,7 +361,7 @@ def test_another_manager_of_a_scenario_keeps_them_too(tmp_path):
 
 def test_a_model_onboard_may_err():
     name = next(n for n in scenarios("space_telescope") if not checked(n).problems)
-    found = told(name, "manager.inertia=50,0,0,0,60,0,0,0,70")
+    found = new_warnings(name, "manager.inertia=50,0,0,0,60,0,0,0,70")
     (line,) = [w for w in found if "what runs onboard errs" in w]
     assert line.startswith(
         "--set manager.inertia=50,0,0,0,60,0,0,0,70: manager.inertia[1,1] = 50.0"

@@ -29,12 +29,12 @@ def shim(tmp_path_factory) -> Path:
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None or sys.platform != "linux":
         pytest.skip("needs Linux and a C compiler")
-    made = tmp_path_factory.mktemp("full") / "full.so"
+    library = tmp_path_factory.mktemp("full") / "full.so"
     source = Path(__file__).with_name("full.c")
     subprocess.run(
-        [compiler, "-shared", "-fPIC", "-O1", "-o", made, source, "-ldl"], check=True
+        [compiler, "-shared", "-fPIC", "-O1", "-o", library, source, "-ldl"], check=True
     )
-    return made
+    return library
 
 
 def full(
@@ -56,8 +56,8 @@ def limited(shim, apart, tmp_path) -> Command:
     """`desat` where the folder `out` takes so many new bytes (`most`)."""
 
     def run(*arguments: str, most: int, number: int = errno.ENOSPC):
-        given = {**os.environ, **full(shim, tmp_path, "out", most, number)}
-        return apart(*arguments, "--out", str(tmp_path / "out"), env=given)
+        values = {**os.environ, **full(shim, tmp_path, "out", most, number)}
+        return apart(*arguments, "--out", str(tmp_path / "out"), env=values)
 
     return run
 
@@ -80,7 +80,8 @@ def test_a_disk_that_fills_while_rows_are_written(limited, tmp_path, number):
     out, text = tmp_path / "out", MEANT[number]
     *warnings, last = named(done.stderr)
     assert warnings == [
-        f"warning: {out}: it has no {what}: {text}" for what in ("report", "series.csv")
+        f"warning: {out}: it has no {subject}: {text}"
+        for subject in ("report", "series.csv")
     ]
     assert {p.name for p in out.iterdir()} == {"manifest.json", "series.h5.part"}
     manifest = json.loads((out / "manifest.json").read_text())
@@ -94,13 +95,13 @@ def test_a_disk_that_fills_while_rows_are_written(limited, tmp_path, number):
 
 def test_no_room_for_what_follows_a_run(limited, tmp_path):
     """It is named, and nothing is left of it."""
-    given, out = (*RUN[:3], "1", *RUN[4:], "--csv"), tmp_path / "out"
-    whole = limited(*given, most=1 << 40)
-    assert whole.returncode == Exit.COMPLETED, whole.stderr
+    cases, out = (*RUN[:3], "1", *RUN[4:], "--csv"), tmp_path / "out"
+    full = limited(*cases, most=1 << 40)
+    assert full.returncode == Exit.COMPLETED, full.stderr
     sizes = {p.name: p.stat().st_size for p in out.iterdir()}
     used = int.from_bytes((tmp_path / "used").read_bytes(), "little")
     shutil.rmtree(out)
-    done = limited(*given, most=used - sizes["series.csv"] // 2)
+    done = limited(*cases, most=used - sizes["series.csv"] // 2)
     assert (done.returncode, named(done.stderr)) == (
         Exit.SPACE,
         [f"error: {out}: its series.csv: no space left on the disk"],

@@ -67,11 +67,11 @@ def test_attitude_matrix_rotates_as_scipy_backwards(q, v):
 
 @given(quaternion, quaternion)
 def test_product_composes(a, b):
-    left = np.reshape(attitude.matrix(attitude.product(a, b)), (3, 3))
+    remaining = np.reshape(attitude.matrix(attitude.product(a, b)), (3, 3))
     right = np.reshape(attitude.matrix(a), (3, 3)) @ np.reshape(
         attitude.matrix(b), (3, 3)
     )
-    assert np.allclose(left, right, atol=1e-12)
+    assert np.allclose(remaining, right, atol=1e-12)
 
 
 @given(quaternion)
@@ -183,10 +183,10 @@ def test_any_product_is_a_unit(above, below):
             unit = times(unit, unit_of(name), power)
         return unit
 
-    made, expected = unit_of(f"{text(above)}/({text(below)})"), product(above)
+    result, expected = unit_of(f"{text(above)}/({text(below)})"), product(above)
     expected = times(expected, product(below), -1)
-    assert made[:6] == expected[:6]
-    assert made.factor == pytest.approx(expected.factor, rel=1e-12)
+    assert result[:6] == expected[:6]
+    assert result.factor == pytest.approx(expected.factor, rel=1e-12)
 
 
 @pytest.mark.parametrize(

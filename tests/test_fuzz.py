@@ -47,10 +47,10 @@ def test_mutated_files_are_refused_in_lines(tmp_path, capsys):
 def test_what_the_page_says_is_fuzzed_is():
     """Each kind of file that it names, and model descriptions of each FMI that is read."""
     page = (ROOT / "docs/failures.md").read_text(encoding="utf-8")
-    said = re.search(r"puts mutated files \(([\w, .]+)\)", page)
-    assert said is not None
+    message = re.search(r"puts mutated files \(([\w, .]+)\)", page)
+    assert message is not None
     kinds = {plain_kind(k) for k in seeds()}
-    assert set(said[1].split(", ")) == {
+    assert set(message[1].split(", ")) == {
         k for k in kinds if k != "craft" and k[:3] != "xml"
     }
     texts = [seeds()[kind] for kind in ("xml", "xml1", "xml3")]
@@ -159,8 +159,8 @@ def test_each_command_and_option_is_in_a_seed():
     """Also those that are added; and no seed is of a command or an option that is gone."""
     known = tree.every_command()
     there = {
-        (where, name)
-        for where, command in known.items()
+        (place, name)
+        for place, command in known.items()
         for o in tree.options_in(command)
         for name in (*o.opts, *o.secondary_opts)
     }
@@ -168,9 +168,9 @@ def test_each_command_and_option_is_in_a_seed():
     for line in (*commands.QUICK, *commands.SLOW):
         words = shlex.split(line)
         names = (" ".join(words[:2]), words[0], f"{words[0]} run")
-        where = next(name for name in names if name in known)
-        commands_seen.add(where)
-        seen |= {(where, w) for w in words if re.fullmatch("--?[a-z][a-z-]*", w)}
+        place = next(name for name in names if name in known)
+        commands_seen.add(place)
+        seen |= {(place, w) for w in words if re.fullmatch("--?[a-z][a-z-]*", w)}
     assert commands_seen == set(known)
     assert there - seen == set()
     assert seen - there == set()

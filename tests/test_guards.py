@@ -53,7 +53,7 @@ def test_no_kept_design_is_for_other_values():
 
 
 @pytest.mark.parametrize(
-    ("options", "what"),
+    ("options", "fault"),
     [
         ({"sets": [START]}, "h_start_body = [1.0, 2.0, -1.0], now [2.0, 0.0, 0.0]"),
         (
@@ -68,10 +68,10 @@ def test_no_kept_design_is_for_other_values():
         ),
     ],
 )
-def test_a_design_for_other_values_is_said(options, what):
+def test_a_design_for_other_values_is_said(options, fault):
     checked = prepare(MEC, Options(**options)).checked
     (line,) = [w for w in checked.warnings if "its design" in w]
-    assert what in line
+    assert fault in line
     assert f"`desat run {MEC} ... --design now`" in line
 
 
@@ -121,8 +121,8 @@ def test_one_command_gets_the_right_gains(tmp_path):
 
 def test_a_design_is_stamped_only_if_its_numbers_are_reached(monkeypatch, tmp_path):
     scenario = find("uosat12/fig2-ccpl-1")
-    kept = scenario.design.read_text(encoding="utf-8")
-    bare = kept.partition("\n[made_of]\n")[0]
+    saved = scenario.design.read_text(encoding="utf-8")
+    bare = saved.partition("\n[made_of]\n")[0]
     file = tmp_path / "x.toml"
     monkeypatch.setattr(type(scenario), "design", property(lambda self: file))
     moved = {
@@ -135,7 +135,7 @@ def test_a_design_is_stamped_only_if_its_numbers_are_reached(monkeypatch, tmp_pa
     assert file.read_text(encoding="utf-8") == bare
     assert "does not say" in _of_design(scenario)[0]
     assert making.confirm(scenario)
-    assert file.read_text(encoding="utf-8") == kept
+    assert file.read_text(encoding="utf-8") == saved
 
 
 @pytest.mark.parametrize(
@@ -162,8 +162,8 @@ def test_a_bad_design_is_a_line(desat, tmp_path, arguments, message):
 COMBINED = "uosat12/table3-ocdc-ilqr-1"
 
 
-@pytest.mark.parametrize("how", [(), ("--blocks",)])
-def test_check_lists_what_every_component_refuses(desat, how):
+@pytest.mark.parametrize("way", [(), ("--blocks",)])
+def test_check_lists_what_every_component_refuses(desat, way):
     result = desat(
         "check",
         COMBINED,
@@ -171,7 +171,7 @@ def test_check_lists_what_every_component_refuses(desat, how):
         "torquers.quiet_time=9",
         "--set",
         "manager.k_cross=1",
-        *how,
+        *way,
     )
     assert result.returncode == 1
     lines = [x for x in result.stderr.splitlines() if not x.startswith("note: ")]
@@ -182,13 +182,13 @@ def test_check_lists_what_every_component_refuses(desat, how):
         "parameters.torquers.sample_time"
     )
     assert lines[1].startswith("1 problem(s)")
-    assert desat("check", COMBINED, *how).returncode == 0
+    assert desat("check", COMBINED, *way).returncode == 0
 
 
 def test_a_refusal_names_the_file_and_the_key_that_gave_the_value(desat, tmp_path):
     """One line: what is given for two components once, and what fails for want of a
     body's attitude, is not said again."""
-    for base, given, how, key, said in (
+    for base, inputs, way, key, message in (
         (
             "none",
             "inertia = [1, 0, 0, 0, 1, 0, 0, 0, 5]",
@@ -204,13 +204,13 @@ def test_a_refusal_names_the_file_and_the_key_that_gave_the_value(desat, tmp_pat
             "from 20 s for 30 s; one at a time",
         ),
     ):
-        text = f'extends = "alsat1/firing-{base}"\n[shared]\n{given}\n'
+        text = f'extends = "alsat1/firing-{base}"\n[shared]\n{inputs}\n'
         (tmp_path / "mine.toml").write_text(text, encoding="utf-8")
-        result = desat("run", "mine.toml", "--stop", "100", *how, cwd=tmp_path)
+        result = desat("run", "mine.toml", "--stop", "100", *way, cwd=tmp_path)
         assert result.returncode == 2
         (line,) = result.stderr.splitlines()
         assert line.startswith(f"error: mine.toml: {key}")
-        assert said in line
+        assert message in line
 
 
 def test_all_failing_components_are_collected():
@@ -278,12 +278,12 @@ def test_a_crash_of_the_trial_is_a_line(monkeypatch):
 def test_stored_draws_are_stale_when_their_code_changes(monkeypatch, tmp_path):
     """That of a block, of what it uses of others, of the engine; not a comment."""
     name = "uosat12/starts-dct"
-    kept = stored.read("uosat12")
-    kept["scenarios"][name] |= {
+    stored_samples = stored.read("uosat12")
+    stored_samples["scenarios"][name] |= {
         "sha256": stored.digest(find(name)),
         "code_sha256": stored.code(find(name)),
     }
-    assert name not in stored.outdated(kept)
+    assert name not in stored.outdated(stored_samples)
     shutil.copytree(ROOT / "components", tmp_path / "components")
     monkeypatch.setattr(meaning, "COMPONENTS", tmp_path / "components")
     for file, text, stale in (
@@ -297,7 +297,7 @@ def test_stored_draws_are_stale_when_their_code_changes(monkeypatch, tmp_path):
         path = tmp_path / "components" / file
         before = path.read_text()
         path.write_text(f"{before}\n{text}\n")
-        assert (name in stored.outdated(kept)) is stale, (file, text)
+        assert (name in stored.outdated(stored_samples)) is stale, (file, text)
         path.write_text(before)
     library._hash_of.cache_clear()
 
@@ -334,29 +334,29 @@ def test_texts_and_layout_of_code_do_not_count(old, new, same):
 
 def test_draws_are_stamped_only_if_they_come_out_again(monkeypatch, tmp_path):
     name = "uosat12/starts-dct"
-    kept = stored.read("uosat12")
+    stored_samples = stored.read("uosat12")
     monkeypatch.setattr(stored, "with_draws", lambda family: {name: find(name)})
     monkeypatch.setattr(paths, "DRAWS", tmp_path)
-    kept["scenarios"] = {name: kept["scenarios"][name]}
-    kept["scenarios"][name].pop("code_sha256", None)
-    stored.write(kept)
+    stored_samples["scenarios"] = {name: stored_samples["scenarios"][name]}
+    stored_samples["scenarios"][name].pop("code_sha256", None)
+    stored.write(stored_samples)
     assert stored.outdated(stored.read("uosat12")) == [name]
     assert stored.confirm("uosat12", 1, 1) == []
     assert stored.outdated(stored.read("uosat12")) == []
-    row = kept["scenarios"][name]["draws"][0].numbers
+    row = stored_samples["scenarios"][name]["draws"][0].numbers
     row["firing_time"] *= 1.0 + 1e-6
-    stored.write(kept)
+    stored.write(stored_samples)
     assert stored.confirm("uosat12", 1, 1) == [name]
 
 
 def test_stale_samples_are_told_with_cause_and_command(monkeypatch):
-    kept = stored.read("uosat12")
+    stored_samples = stored.read("uosat12")
     monkeypatch.setattr(stored, "outdated", lambda _: ["uosat12/starts-dct"])
-    kept["scenarios"]["uosat12/starts-dct"]["code_sha256"] = "another"
+    stored_samples["scenarios"]["uosat12/starts-dct"]["code_sha256"] = "another"
     with pytest.raises(
         DesatError, match="of other code of engine, measures or sampling"
     ) as error:
-        stored.require_current(kept)
+        stored.require_current(stored_samples)
     assert "python -m desat.papers.stored uosat12" in str(error.value)
 
 
@@ -457,13 +457,13 @@ def test_stored_draws_come_back(monkeypatch, tmp_path):
     y["summary"] = spreads([r.numbers for r in y["draws"]], y["units"], set())
     for family in ("f", "e"):
         scenarios = {f"{family}/x": x, f"{family}/y": y}
-        kept = {"family": family, "seed": 1, "scenarios": scenarios}
-        file = stored.write(kept)
+        saved = {"family": family, "seed": 1, "scenarios": scenarios}
+        file = stored.write(saved)
         before = file.read_bytes()
-        assert stored.write(kept).read_bytes() == before
+        assert stored.write(saved).read_bytes() == before
     assert len(stored.provenance_file().read_text().splitlines()) == 2 + 2 * 4
     back = stored.read("e")
-    assert back == kept
+    assert back == saved
     assert math.copysign(1.0, back["scenarios"]["e/y"]["draws"][0].numbers["a"]) == -1.0
     assert stored.read("f")["scenarios"]["f/x"] == x
     file.write_bytes(stored.file_of("f").read_bytes())
@@ -478,11 +478,11 @@ def test_stored_draws_are_small_and_have_what_rows_are_made_of():
     assert {p.name for p in files} == {"draws.json", "draws.parquet"}
     assert sum(p.stat().st_size for p in files) < 2_000_000
     for family in filter(stored.with_draws, families()):
-        kept = stored.read(family)["scenarios"]
+        stored_samples = stored.read(family)["scenarios"]
         lacking = {
-            n: x - kept[n]["units"].keys()
+            n: x - stored_samples[n]["units"].keys()
             for n, x in stored.needed(family).items()
-            if n in kept
+            if n in stored_samples
         }
         assert not any(lacking.values()), lacking
 
@@ -491,27 +491,31 @@ def test_a_page_has_draws_made_anew_for_a_number_that_is_not_stored(
     monkeypatch, tmp_path
 ):
     name = "uosat12/starts-dct"
-    kept = stored.read("uosat12")
-    assert "null_rms" not in kept["scenarios"][name]["units"]
+    stored_samples = stored.read("uosat12")
+    assert "null_rms" not in stored_samples["scenarios"][name]["units"]
     monkeypatch.setattr(stored, "with_draws", lambda family: {name: find(name)})
     monkeypatch.setattr(paths, "DRAWS", tmp_path)
-    kept["scenarios"] = {name: kept["scenarios"][name]}
-    stored.write(kept)
-    asked = []
+    stored_samples["scenarios"] = {name: stored_samples["scenarios"][name]}
+    stored.write(stored_samples)
+    requests = []
 
-    def made(target, count, *rest, first=0):
-        asked.append((target, count, first))
-        had = [r.numbers for r in kept["scenarios"][name]["draws"]]
+    def make_samples(target, count, *rest, first=0):
+        requests.append((target, count, first))
+        had = [r.numbers for r in stored_samples["scenarios"][name]["draws"]]
         rows = [
             stored.row_of_draw(i, {**had[i], "null_rms": float(i), "x": 1.0})
             for i in range(first, count)
         ]
-        units = {**kept["scenarios"][name]["units"], "null_rms": "N.m.s", "x": "1"}
+        units = {
+            **stored_samples["scenarios"][name]["units"],
+            "null_rms": "N.m.s",
+            "x": "1",
+        }
         return draws.Draws(
             name, 1, rows, spreads([r.numbers for r in rows], units, set()), []
         )
 
-    monkeypatch.setattr(stored, "draws", made)
+    monkeypatch.setattr(stored, "draws", make_samples)
     with pytest.raises(
         DesatError, match="null_rms of its draws is not stored; without --draft"
     ):
@@ -524,7 +528,7 @@ def test_a_page_has_draws_made_anew_for_a_number_that_is_not_stored(
     ):
         verbs.drawn("starts-dct", "nul_rms")
     assert verbs.drawn("starts-dct", "null_rms") == [float(i) for i in range(200)]
-    assert asked == [(name, 200, 0)]
+    assert requests == [(name, 200, 0)]
     assert "x" not in stored.read("uosat12")["scenarios"][name]["units"]
     assert {"null_rms", "firing_time"} <= stored.read("uosat12")["scenarios"][name][
         "units"
@@ -533,28 +537,28 @@ def test_a_page_has_draws_made_anew_for_a_number_that_is_not_stored(
 
 def test_more_draws_are_flown_after_those_that_are_kept(monkeypatch, tmp_path):
     name = "uosat12/starts-dct"
-    kept = stored.read("uosat12")
+    stored_samples = stored.read("uosat12")
     scenario = find(name)
-    whole = kept["scenarios"][name]
-    whole["sha256"], whole["code_sha256"] = (
+    full = stored_samples["scenarios"][name]
+    full["sha256"], full["code_sha256"] = (
         stored.digest(scenario),
         stored.code(scenario),
     )
     monkeypatch.setattr(stored, "with_draws", lambda family: {name: scenario})
     monkeypatch.setattr(paths, "DRAWS", tmp_path)
-    shown = whole["draws"][0].numbers["firing_time"]
-    first = whole["draws"][:-1]
+    shown = full["draws"][0].numbers["firing_time"]
+    first = full["draws"][:-1]
     first[0] = stored.row_of_draw(0, dict.fromkeys(first[0].numbers, 1.0))
-    kept["scenarios"] = {name: {**whole, "draws": first}}
-    stored.write(kept)
+    stored_samples["scenarios"] = {name: {**full, "draws": first}}
+    stored.write(stored_samples)
     assert stored.outdated(stored.read("uosat12")) == [name]
-    made = stored.renew("uosat12", 1)["scenarios"][name]
-    assert made["draws"][1:] == whole["draws"][1:]
-    assert made["draws"][0] == first[0] != shown, (
+    result = stored.renew("uosat12", 1)["scenarios"][name]
+    assert result["draws"][1:] == full["draws"][1:]
+    assert result["draws"][0] == first[0] != shown, (
         "a draw that is kept is not flown again"
     )
-    assert made["summary"]["firing_time"].n == scenario.content.samples
-    assert made["summary"]["firing_time"].levels["min"] == 1.0
+    assert result["summary"]["firing_time"].n == scenario.content.samples
+    assert result["summary"]["firing_time"].levels["min"] == 1.0
 
 
 def test_an_instance_that_is_named_by_its_file_has_the_components_name():

@@ -18,11 +18,11 @@ TURN = attitude.normalised((0.3, -0.5, 0.2, 0.8))
 
 
 def block(name, **values):
-    made = fresh(name)
+    new_block = fresh(name)
     for key, value in values.items():
-        assert hasattr(made, key)
-        setattr(made, key, value)
-    return begin(made)
+        assert hasattr(new_block, key)
+        setattr(new_block, key, value)
+    return begin(new_block)
 
 
 def turned(axis, degrees):
@@ -86,9 +86,9 @@ def test_nadir_rate_is_the_derivative_of_the_attitude(stretch, q_bo):
     rates = []
     for t in np.linspace(10.0, 8900.0, 60):
         h, q = 0.5, []
-        for when in (t - h, t + h, t):
-            guidance.r_eci, guidance.v_eci = orbiting(when)
-            guidance.advance(when, 1.0)
+        for moment in (t - h, t + h, t):
+            guidance.r_eci, guidance.v_eci = orbiting(moment)
+            guidance.advance(moment, 1.0)
             q.append(guidance.q_ref_bi)
         expected = rate_of(q[0], q[2], q[1], h)
         assert guidance.omega_ref_body == pytest.approx(expected, abs=3e-10)
@@ -289,13 +289,13 @@ def test_pid_is_the_gyrostats_controller():
         error = hamilton(q_ref * [1, -1, -1, -1], q)
         e = error[1:] * (1 if error[0] >= 0 else -1)
         xi = np.clip(xi + ts * e, -0.5, 0.5)
-        wanted = 2 * kp * e + kd * np.array(omega) + ki * xi
-        tau_wheels = np.clip(wanted, -limit, limit)
+        expected = 2 * kp * e + kd * np.array(omega) + ki * xi
+        tau_wheels = np.clip(expected, -limit, limit)
         controller.q_bi = tuple(map(float, (*q[1:], q[0])))
         controller.omega_bi_body = omega
         controller.advance(k * ts, ts)
         assert np.abs(tau_wheels + controller.tau_ctrl_body).max() < 1e-15
-        cut += (wanted != tau_wheels).any()
+        cut += (expected != tau_wheels).any()
         largest = max(largest, np.abs(xi).max())
     assert 500 < cut < 2900
     assert largest == 0.5
@@ -550,9 +550,9 @@ def test_pid_settles_from_90_degrees_and_bears_a_load():
         assert angles[name][120] < 1
         assert np.linalg.norm(rows[-1][1]) < 1e-6
     # what a PD leaves: J kp e = load, e half the angle
-    left = math.degrees(2 * np.linalg.norm(np.linalg.solve(J, load)) / 1e-2)
-    assert angles["controller_pd"][-1] == pytest.approx(left, rel=1e-2)
-    assert angles["controller_pid"][-1] < 0.1 * left
+    remaining = math.degrees(2 * np.linalg.norm(np.linalg.solve(J, load)) / 1e-2)
+    assert angles["controller_pd"][-1] == pytest.approx(remaining, rel=1e-2)
+    assert angles["controller_pid"][-1] < 0.1 * remaining
 
 
 def test_pid_goes_the_short_way():

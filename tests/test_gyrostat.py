@@ -54,14 +54,14 @@ def residual(run) -> float:
 
 
 def test_scenario_has_the_numbers_of_the_authority():
-    given = json.loads((AUTHORITIES / "gyrostat.json").read_text())
+    values = json.loads((AUTHORITIES / "gyrostat.json").read_text())
     parameters = execute("gyrostat/full", Options(stop=1.0)).manifest["parameters"]
 
     def value(component, name):
         return parameters[component][name]["value"]
 
     assert value("spacecraft", "inertia") == [
-        x for row in given["inertia_total_with_locked_wheels"] for x in row
+        x for row in values["inertia_total_with_locked_wheels"] for x in row
     ]
     for name, key in (
         ("motor_lag", "motor_lag_s"),
@@ -69,16 +69,18 @@ def test_scenario_has_the_numbers_of_the_authority():
         ("coulomb", "coulomb"),
         ("friction_speed", "omega_eps"),
     ):
-        assert value("wheels", name) == given["wheels"][key]
-    assert value("wheels", "inertia_wheel")[:3] == [given["wheels"]["spin_inertia"]] * 3
-    assert value("wheels", "h_start_wheel")[:3] == given["start"]["h_wheel"]
-    assert value("spacecraft", "omega_start_body") == given["start"]["omega_bi_body"]
-    control = given["controller"]
+        assert value("wheels", name) == values["wheels"][key]
+    assert (
+        value("wheels", "inertia_wheel")[:3] == [values["wheels"]["spin_inertia"]] * 3
+    )
+    assert value("wheels", "h_start_wheel")[:3] == values["start"]["h_wheel"]
+    assert value("spacecraft", "omega_start_body") == values["start"]["omega_bi_body"]
+    control = values["controller"]
     assert value("controller", "kp") == 2 * control["kp"]
     assert value("controller", "kd") == control["kd"]
     assert value("controller", "ki") == control["ki"]
     assert value("controller", "torque_limit") == control["torque_limit"]
-    field = given["field"]
+    field = values["field"]
     tilt, phase, k = field["tilt_rad"], field["phase_rad"], field["dipole_T_m3"]
     axis = (
         math.sin(tilt) * math.cos(phase),
@@ -88,16 +90,16 @@ def test_scenario_has_the_numbers_of_the_authority():
     assert value("environment", "dipole_earth") == pytest.approx(
         [k * x for x in axis], rel=1e-15
     )
-    assert value("environment", "semi_major_axis") == given["orbit"]["radius"]
+    assert value("environment", "semi_major_axis") == values["orbit"]["radius"]
     assert value("environment", "inclination") == math.radians(
-        given["orbit"]["inclination_deg"]
+        values["orbit"]["inclination_deg"]
     )
-    assert value("environment", "mu") == given["orbit"]["mu"]
+    assert value("environment", "mu") == values["orbit"]["mu"]
     stress = execute("gyrostat/stress", Options(stop=1.0)).manifest["parameters"]
-    assert stress["wheels"]["motor_lag"]["value"] == given["stress"]["motor_lag_s"]
+    assert stress["wheels"]["motor_lag"]["value"] == values["stress"]["motor_lag_s"]
     assert (
         stress["spacecraft"]["omega_start_body"]["value"]
-        == given["stress"]["omega_bi_body"]
+        == values["stress"]["omega_bi_body"]
     )
 
 

@@ -40,13 +40,13 @@ UNITS = {
 RPM = math.pi / 30.0
 
 
-def made(folder, text: str, base: str = CRAFT):
+def components_of(folder, text: str, base: str = CRAFT):
     (folder / "mine.toml").write_text(base + text, encoding="utf-8")
     return Builder(craft.read(folder / "mine.toml")).components
 
 
 def test_a_class_gives_what_is_typical(tmp_path):
-    found = made(
+    found = components_of(
         tmp_path,
         """
 [hardware]
@@ -91,7 +91,7 @@ arm = "0.25 m"
 
 
 def test_a_product_gives_its_figures_and_no_more_and_a_craft_goes_before(tmp_path):
-    found = made(
+    found = components_of(
         tmp_path,
         """
 [hardware]
@@ -143,7 +143,7 @@ torque_limit = "2 mN.m"
 )
 def test_hardware_that_is_not_known_is_refused(tmp_path, line, message):
     with pytest.raises(DesatError, match=message) as refused:
-        made(tmp_path, f"[hardware]\n{line}\n")
+        components_of(tmp_path, f"[hardware]\n{line}\n")
     assert "mine.toml:13: hardware." in str(refused.value)
 
 
@@ -155,12 +155,12 @@ def test_every_product_has_its_source_and_figures_that_can_be():
         == set(KINDS.values())
         == set(known_figures("class")) - {"requirements"}
     )
-    for which in ("class", "product"):
-        for kind, of_kind in known_figures(which).items():
+    for variant in ("class", "product"):
+        for kind, of_kind in known_figures(variant).items():
             for name, its in of_kind.items():
                 for figure, unit in UNITS[kind].items():
                     assert quantity(name, its[figure], unit) > 0.0
-                if which == "product":
+                if variant == "product":
                     assert len(its["source"]) > 30
                     assert its["maker"]
     # a wheel is filled by its torque in 2 s to some minutes
@@ -174,13 +174,13 @@ def test_every_product_has_its_source_and_figures_that_can_be():
     assert figures("gyro", "product:STIM210")[1]["maker"] == "Sensonor"
 
 
-@pytest.mark.parametrize("which", ["class", "product"])
-def test_a_gyros_figure_is_the_same_angle_after_an_hour_at_any_sample_time(which):
+@pytest.mark.parametrize("kind", ["class", "product"])
+def test_a_gyros_figure_is_the_same_angle_after_an_hour_at_any_sample_time(kind):
     """Its white noise sums up to the sheet's deg/sqrt(h), whatever the time between
     samples."""
-    for name, its in known_figures(which)["gyros"].items():
+    for name, its in known_figures(kind)["gyros"].items():
         walk = values(
-            "gyro", True, figures("gyro", f"{which}:{name}")[1], frozenset(), {}
+            "gyro", True, figures("gyro", f"{kind}:{name}")[1], frozenset(), {}
         )
         for period in (1.0, 0.1, 0.01):
             gyro = block_class("rate_gyro")()
@@ -195,8 +195,8 @@ def test_a_gyros_figure_is_the_same_angle_after_an_hour_at_any_sample_time(which
 
 
 @pytest.mark.parametrize("role", sorted(KINDS))
-@pytest.mark.parametrize("which", ["class", "product"])
-def test_what_a_figure_makes_of_a_component_does_not_depend_on_the_step(role, which):
+@pytest.mark.parametrize("kind", ["class", "product"])
+def test_what_a_figure_makes_of_a_component_does_not_depend_on_the_step(role, kind):
     """What depends on the time between samples is said where that is the step's."""
     model = {"gyro": "rate_gyro", "determination": "attitude_determination"}.get(
         role, role
@@ -204,9 +204,9 @@ def test_what_a_figure_makes_of_a_component_does_not_depend_on_the_step(role, wh
     block = block_class(model)()
     has = frozenset(v.name for v in block.variables)
     present = {"axes_wheel": list(getattr(block, "axes_wheel", ())), "arm": 0.3}
-    for name in known_figures(which)[KINDS[role]]:
+    for name in known_figures(kind)[KINDS[role]]:
         found = values(
-            role, which == "class", figures(role, f"{which}:{name}")[1], has, present
+            role, kind == "class", figures(role, f"{kind}:{name}")[1], has, present
         )
         assert found.keys() <= has
         if white := found.keys() & set(getattr(block, "white", ())):
@@ -225,13 +225,13 @@ def test_the_page_is_made_of_what_was_flown():
     make."""
     from benchmarks import hardware
 
-    kept = json.loads(hardware.STORE.read_text(encoding="utf-8"))
+    saved = json.loads(hardware.STORE.read_text(encoding="utf-8"))
     assert (hardware.DOCS / "hardware.md").read_text(encoding="utf-8") == hardware.page(
-        kept
+        saved
     )
     for variant in hardware.VARIANTS:
         for name in variant.flights:
-            assert f"{name} {variant.title}" in kept, (
+            assert f"{name} {variant.title}" in saved, (
                 "fly it: python -m benchmarks.hardware"
             )
 

@@ -39,9 +39,16 @@ PLUS_Y = tuple(-x + 0.0 for x in MINUS_Y)
 ONE_WHEEL = (3.43774677e-4, 0.0, 0.0, 0.0)
 B = (2e-5, -1e-5, 3e-5)
 DETUMBLING, PITCH_SPIN, WHEEL_RAMP, MOMENTUM_DUMP, THREE_AXIS, DONE = range(6)
-START, CONDITION_MET, TIME_LIMIT, LOST, NO_FIELD, NO_RATE, NO_ATTITUDE, NO_MOMENTUM = (
-    range(8)
-)
+(
+    START,
+    CONDITION_MET,
+    TIME_LIMIT,
+    ATTITUDE_LOST,
+    NO_FIELD,
+    NO_RATE,
+    NO_ATTITUDE,
+    NO_MOMENTUM,
+) = range(8)
 
 component = st.floats(-1.0, 1.0)
 vectors = st.tuples(component, component, component).filter(lambda v: norm(v) > 1e-2)
@@ -248,10 +255,10 @@ def test_the_observer_s_model_is_euler_s_equations():
 
 def manager(name="manager_start_up", axes=MINUS_Y, **parameters):
     block = fresh(name)
-    given = {"sample_time": 1.0, "axes_wheel": axes, **parameters}
+    values = {"sample_time": 1.0, "axes_wheel": axes, **parameters}
     if name == "manager_detumbling_optimal":
-        given |= {"inertia": J, "inertia_wheel": ONE_WHEEL}
-    for key, value in given.items():
+        values |= {"inertia": J, "inertia_wheel": ONE_WHEEL}
+    for key, value in values.items():
         setattr(block, key, value)
     return begin(block)
 
@@ -337,7 +344,7 @@ def test_the_proposed_procedure_goes_through_its_phases_and_says_why():
     assert seen[6] == (THREE_AXIS, CONDITION_MET)
     assert seen[-1] == (DONE, CONDITION_MET)
     step(block, 12, omega_bi_body=(0.0, 0.0, 0.16))
-    assert (block.phase, block.reason) == (DETUMBLING, LOST)
+    assert (block.phase, block.reason) == (DETUMBLING, ATTITUDE_LOST)
 
 
 def test_the_conventional_procedure_spins_ramps_and_points():
@@ -413,16 +420,16 @@ def test_without_a_field_the_coils_are_off_in_every_phase(procedure, phase):
 
 
 @pytest.mark.parametrize("phase", [PITCH_SPIN, THREE_AXIS, DONE])
-@pytest.mark.parametrize("lost", ["valid_omega", "valid_q"])
-def test_without_rate_or_attitude_there_is_b_dot_alone(phase, lost):
+@pytest.mark.parametrize("missing", ["valid_omega", "valid_q"])
+def test_without_rate_or_attitude_there_is_b_dot_alone(phase, missing):
     block = in_phase("manager_start_up", phase, procedure=1)
     before, b = turned(B, 1), turned(B, 2)
-    step(block, 2, b_body=b, **{lost: False})
+    step(block, 2, b_body=b, **{missing: False})
     assert block.m_cmd_body == pytest.approx(
         laws.b_dot(sub(b, before), block.gain_b_dot)
     )
     assert not any(block.tau_cmd_wheel)
-    assert block.reason == (NO_RATE if lost == "valid_omega" else NO_ATTITUDE)
+    assert block.reason == (NO_RATE if missing == "valid_omega" else NO_ATTITUDE)
 
 
 def test_without_the_wheel_s_momentum_there_is_no_ramp_and_no_dumping():
@@ -459,8 +466,8 @@ STALE = {
 }
 
 
-@pytest.mark.parametrize("lost", STALE)
-def test_ours_never_commands_from_what_is_lost(lost):
+@pytest.mark.parametrize("missing", STALE)
+def test_ours_never_commands_from_what_is_lost(missing):
     names = {
         "valid_b": "b_body",
         "valid_omega": "omega_bi_body",
@@ -470,19 +477,19 @@ def test_ours_never_commands_from_what_is_lost(lost):
     commands = []
     for stale in (0.5, 2.0):  # what is lost has different values: the commands have not
         block = in_phase("manager_detumbling_optimal", MOMENTUM_DUMP, task=1)
-        value = getattr(block, names[lost])
+        value = getattr(block, names[missing])
         value = (
             tuple(stale * x for x in value)
-            if lost != "valid_q"
+            if missing != "valid_q"
             else (stale, 0.0, 0.0, 1.0)
         )
-        if lost != "valid_b":
+        if missing != "valid_b":
             block.b_body = turned(B, 2)
-        step(block, 2, **{names[lost]: value, lost: False})
+        step(block, 2, **{names[missing]: value, missing: False})
         commands.append((block.m_cmd_body, block.tau_cmd_wheel))
-        assert block.reason == STALE[lost]
+        assert block.reason == STALE[missing]
     assert commands[0] == commands[1]
-    if lost == "valid_b":
+    if missing == "valid_b":
         assert not any(commands[0][0])
 
 
@@ -561,7 +568,7 @@ def test_what_makes_no_sense_is_refused(parameters, text):
 
 
 @pytest.mark.parametrize(
-    ("given", "key", "got", "allowed"),
+    ("values", "key", "got", "allowed"),
     [
         (
             "[shared]\nsample_time = 5.0",
@@ -609,10 +616,10 @@ def test_what_makes_no_sense_is_refused(parameters, text):
     ],
 )
 def test_a_refusal_names_file_component_variable_got_and_allowed(
-    given, key, got, allowed, tmp_path
+    values, key, got, allowed, tmp_path
 ):
     file = tmp_path / "mine.toml"
-    file.write_text(f'extends = "hausat2/detumbling-wheel"\n{given}\n')
+    file.write_text(f'extends = "hausat2/detumbling-wheel"\n{values}\n')
     system, schedule = prepare(str(file), Options(blocks=True)).or_raise()
     (line,) = explain(
         system, "\n".join(trial_initialisation.refusals(system, schedule)[0])
@@ -781,9 +788,9 @@ def test_another_manager_swaps_in_by_its_source():
     power = np.cross(values("spacecraft.omega_bi_body"), field)[
         :-1
     ]  # W/(A m2), of each coil
-    wanted = np.clip(3e7 * power, -2.0, 2.0)
-    assert values("manager.m_cmd_body") == pytest.approx(wanted, rel=1e-6)
-    assert (np.abs(wanted) == 2.0).mean() > 0.9
+    expected = np.clip(3e7 * power, -2.0, 2.0)
+    assert values("manager.m_cmd_body") == pytest.approx(expected, rel=1e-6)
+    assert (np.abs(expected) == 2.0).mean() > 0.9
 
 
 def first_slow(omega):
@@ -803,8 +810,8 @@ def wanted_of(path):
 )
 def test_it_detumbles_in_libcosim_too(ours):
     path = pack_scenario(find("hausat2/detumbling-ours"))
-    wanted = [("spacecraft", list(wanted_of(path).values()))]
-    omega = rows_printed(python(LIBCOSIM, str(path), json.dumps(wanted), "1080"))
+    expected = [("spacecraft", list(wanted_of(path).values()))]
+    omega = rows_printed(python(LIBCOSIM, str(path), json.dumps(expected), "1080"))
     mine = ours.manifest["numbers"]["detumbled"]["value"]
     assert abs(first_slow(omega) - mine) <= 2.0  # each of its links costs a sample
 
@@ -814,8 +821,8 @@ def test_it_detumbles_in_libcosim_too(ours):
 )
 def test_it_detumbles_in_ecos_too(ours):
     path = pack_scenario(find("hausat2/detumbling-ours"))
-    wanted = [("spacecraft", name) for name in wanted_of(path)]
-    omega = rows_printed(python(ECOS, str(path), json.dumps(wanted), "1080", "1.0"))
+    expected = [("spacecraft", name) for name in wanted_of(path)]
+    omega = rows_printed(python(ECOS, str(path), json.dumps(expected), "1080", "1.0"))
     mine = ours.manifest["numbers"]["detumbled"]["value"]
     assert abs(first_slow(omega) - mine) <= 2.0
 
@@ -841,15 +848,17 @@ def test_an_independent_simulation_gives_the_stored_minutes(monkeypatch):
     monkeypatch.setattr(detumbling, "STOP", 840.0)
     starts, times = detumbling.page_s_draws()
     names = ("gain-k-3e6", "gain-kw-5e-5")
-    wanted = np.array([[math.nan if x is None else x for x in times[n]] for n in names])
-    few = [*np.argsort(wanted[0])[:1], *np.argsort(wanted[1])[:2]]
+    expected = np.array(
+        [[math.nan if x is None else x for x in times[n]] for n in names]
+    )
+    few = [*np.argsort(expected[0])[:1], *np.argsort(expected[1])[:2]]
     some = detumbling.Starts(*(x[..., few] for x in vars(starts).values()))
     cases = [detumbling.cases()[n] for n in names]
     found = detumbling.detumbled(some, cases, detumbling.Choices())
     done = np.isfinite(found)
     assert done.sum() >= 3
-    assert found[done] == pytest.approx(wanted[:, few][done], abs=0.05)
-    assert not (wanted[:, few][~done] < 14.0).any()
+    assert found[done] == pytest.approx(expected[:, few][done], abs=0.05)
+    assert not (expected[:, few][~done] < 14.0).any()
 
 
 def test_it_did_so_for_all_draws_that_it_was_flown_with():
@@ -865,14 +874,17 @@ def drawn():
 
 
 def test_a_difference_of_draws_is_the_median_of_the_differences_draw_by_draw():
-    kept = drawn()
+    stored_samples = drawn()
     ours, theirs = (
-        [r.numbers["detumbled"] for r in kept[f"hausat2/detumbling-{law}"]["draws"]]
+        [
+            r.numbers["detumbled"]
+            for r in stored_samples[f"hausat2/detumbling-{law}"]["draws"]
+        ]
         for law in ("b-dot", "wheel")
     )
-    found = tables._pairs_of(find("hausat2/detumbling-b-dot"), kept)["summary"][
-        "longer"
-    ].levels
+    found = tables._pairs_of(find("hausat2/detumbling-b-dot"), stored_samples)[
+        "summary"
+    ]["longer"].levels
     assert found["median"] == pytest.approx(
         np.median(np.subtract(ours, theirs)), abs=1e-9
     )
@@ -883,12 +895,14 @@ def test_a_difference_of_draws_is_the_median_of_the_differences_draw_by_draw():
 
 
 def test_the_verdict_of_each_claim_is_that_of_its_draws():
-    kept = drawn()
+    stored_samples = drawn()
     claims = [
         row
-        for name in kept
+        for name in stored_samples
         if name.startswith("hausat2/gain-k")
-        for row in rows_of(find(name), medians_of(kept[name]), {}, kept[name])
+        for row in rows_of(
+            find(name), medians_of(stored_samples[name]), {}, stored_samples[name]
+        )
         if row.table == "claims" and row.band is not None
     ]
     assert len(claims) == 8
@@ -897,7 +911,9 @@ def test_the_verdict_of_each_claim_is_that_of_its_draws():
             row.scenario
         )
     name = "hausat2/start-up-conventional"
-    start_up = rows_of(find(name), medians_of(kept[name]), {}, kept[name])
+    start_up = rows_of(
+        find(name), medians_of(stored_samples[name]), {}, stored_samples[name]
+    )
     (spin,) = (row for row in start_up if row.quantity == "largest_roll_rate_in_spin")
     assert spin.remark.startswith("does not hold") != spin.within
 

@@ -46,8 +46,8 @@ class WorseLaw(TorquerDumping):
 @pytest.fixture(scope="module")
 def craft(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("crafts") / "my12u"
-    wanted = CraftFacts(size="12U", altitude="400km", inclination="51.6deg", rods="0.2")
-    new_craft.write(folder, wanted, "desat new craft")
+    facts = CraftFacts(size="12U", altitude="400km", inclination="51.6deg", rods="0.2")
+    new_craft.write(folder, facts, "desat new craft")
     return folder
 
 
@@ -57,10 +57,10 @@ def craft(tmp_path_factory) -> Path:
 def test_a_law_that_is_worse_than_none_is_not_met(craft, tmp_path):
     file = tmp_path / "worse_law.py"
     file.write_text(WORSE)
-    given = Options(
+    options = Options(
         sources=[f"manager={file}"], stop=9000.0, sets=["manager.gain=1e-4"]
     )
-    run = execute(str(craft), given)
+    run = execute(str(craft), options)
     (line,) = run.manifest.unmet
     assert "in the second half of the run, without management it would be" in line
     assert run.code == Exit.UNMET
@@ -77,9 +77,9 @@ def test_what_there_would_be_without_management_is_what_flies_without(craft):
     """The estimate of a managed run beside the run whose manager is off."""
     managed = execute(str(craft), Options(stop=43200.0))
     off = execute(str(craft), Options(stop=43200.0, sets=["manager.enable=false"]))
-    said = managed.manifest.numbers["unmanaged_rms"].value
-    assert said == pytest.approx(off.manifest.numbers["left_rms"].value, rel=0.01)
-    assert managed.manifest.numbers["left_rms"].value < 0.5 * said
+    stated = managed.manifest.numbers["unmanaged_rms"].value
+    assert stated == pytest.approx(off.manifest.numbers["left_rms"].value, rel=0.01)
+    assert managed.manifest.numbers["left_rms"].value < 0.5 * stated
     assert managed.code == Exit.COMPLETED
     assert off.manifest.unmet == [], "a manager that is off is not to hold anything"
 
@@ -89,9 +89,9 @@ def test_thrusters_that_empty_the_wheels_are_management():
     name = "uosat12/table3-ocdc-ilqr-1"
     run = execute(name, Options())
     off = execute(name, Options(sets=["manager.enable=false"]))
-    said = run.manifest.numbers["unmanaged_rms"].value
+    stated = run.manifest.numbers["unmanaged_rms"].value
     assert run.results.values("thrusters.on_time")[-1] > 1.0
-    assert said == pytest.approx(off.manifest.numbers["left_rms"].value, rel=0.01)
+    assert stated == pytest.approx(off.manifest.numbers["left_rms"].value, rel=0.01)
 
 
 def test_which_laws_hold():
@@ -117,8 +117,8 @@ def test_a_bias_that_would_have_to_turn_with_the_craft_is_refused(craft, target)
 
 
 def test_a_bias_along_the_orbits_normal_is_kept(craft):
-    given = Options(sets=["manager.h_target_body=0,-3e-3,0"], stop=43200.0)
-    run = execute(str(craft), given)
+    options = Options(sets=["manager.h_target_body=0,-3e-3,0"], stop=43200.0)
+    run = execute(str(craft), options)
     h = run.results.values("wheels.h_wheel")
     axes = np.reshape(run.manifest.parameters["wheels"]["axes_wheel"].value, (3, 4))
     late = (h @ axes.T)[len(h) // 2 :].mean(axis=0)
@@ -127,8 +127,8 @@ def test_a_bias_along_the_orbits_normal_is_kept(craft):
 
 
 def test_a_bias_of_a_craft_that_stays_in_eci_is_not_refused():
-    given = Options(blocks=True, sets=["manager.h_target_body=3,0,0"])
-    prepare("space_telescope/ours-nominal", replace(given)).or_raise()
+    options = Options(blocks=True, sets=["manager.h_target_body=3,0,0"])
+    prepare("space_telescope/ours-nominal", replace(options)).or_raise()
 
 
 # --- sensors, attitude, wheels --------------------------------------------------------
@@ -231,10 +231,12 @@ def test_a_star_tracker_that_was_never_valid_says_no_quaternion_of_zeros(delay):
 
 
 def test_two_wheels_that_are_left_are_told_of(craft):
-    own = prepare(str(craft), Options()).or_raise()[0].components["wheels"].values
-    left = [1.0, 0.0, 1.0, 0.0]
-    inertia = [x * k for x, k in zip(own["inertia_wheel"], left, strict=True)]
-    axes = [x * left[i % 4] for i, x in enumerate(own["axes_wheel"])]
+    own_value = prepare(str(craft), Options()).or_raise()[0].components["wheels"].values
+    remaining = [1.0, 0.0, 1.0, 0.0]
+    inertia = [
+        x * k for x, k in zip(own_value["inertia_wheel"], remaining, strict=True)
+    ]
+    axes = [x * remaining[i % 4] for i, x in enumerate(own_value["axes_wheel"])]
     spin = f"shared.inertia_wheel={inertia}"
     with pytest.raises(DesatError, match=r"column 2 = .*, but inertia_wheel\[2\] = 0"):
         prepare(str(craft), Options(sets=[spin])).or_raise()
@@ -247,8 +249,8 @@ def test_the_third_wheel_of_three_that_fails_is_told_of(tmp_path, desat):
     desat(
         "new", "craft", str(tmp_path / "three"), "--wheels", "3 axes 30mNms", check=True
     )
-    given = Options(sets=["wheels.failed=2", "wheels.failed_from=100"])
-    lines = prepare(str(tmp_path / "three"), given).checked.warnings
+    options = Options(sets=["wheels.failed=2", "wheels.failed_from=100"])
+    lines = prepare(str(tmp_path / "three"), options).checked.warnings
     assert any(
         "from 100 s on no wheel gives torque about (0, 1, 0)" in x for x in lines
     )
@@ -268,12 +270,12 @@ def test_thrusters_whose_pulses_are_all_too_short(tmp_path, desat):
         "wheels.h_start_wheel=0.005,0.005,0.005,0.005",
         "thrusters.carried=false",
     ]
-    given = Options(sources=["manager=manager_combined"], sets=sets, stop=20000.0)
-    run = execute(str(tmp_path / "jets"), given)
+    options = Options(sources=["manager=manager_combined"], sets=sets, stop=20000.0)
+    run = execute(str(tmp_path / "jets"), options)
     assert run.results.values("thrusters.on_time")[-1] == 0.0
     assert any("N m s, never fired" in line for line in run.manifest.unmet)
     assert run.code == Exit.UNMET
-    faster = replace(given, sets=[sets[0], "manager.g_rate=1e-3", *sets[2:]])
+    faster = replace(options, sets=[sets[0], "manager.g_rate=1e-3", *sets[2:]])
     assert not any(
         "never fired" in x
         for x in execute(str(tmp_path / "jets"), faster).manifest.unmet
@@ -343,10 +345,10 @@ def test_a_law_that_can_do_nothing_is_refused(target, manager, text):
 
 def test_the_predictive_law_is_told_what_the_sensors_have(tmp_path, desat):
     """It was flown with another craft's noise, which put it seventh of eight."""
-    wanted = CraftFacts(
+    facts = CraftFacts(
         sso="600km", mass="150kg", box="0.8,0.8,1.2", wheels="4 pyramid 4Nms", rods="30"
     )
-    new_craft.write(tmp_path / "agile", wanted, "desat new craft")
+    new_craft.write(tmp_path / "agile", facts, "desat new craft")
     target = str(tmp_path / "agile")
     done = desat(
         "compare",
@@ -368,10 +370,10 @@ def test_the_predictive_law_is_told_what_the_sensors_have(tmp_path, desat):
     )
     rows = {row["name"]: row for row in json.loads(done.stdout)["laws"]}
     assert "craft.h_noise = 0.004" in json.dumps(rows["predictive"])
-    told = {f"manager.{n}": x for n, x in noise_of(untold.or_raise()[0]).items()}
+    results = {f"manager.{n}": x for n, x in noise_of(untold.or_raise()[0]).items()}
     both = [
         execute(target, replace(untold.options, stop=17400.0, values=v))
-        for v in ({}, told)
+        for v in ({}, results)
     ]
     fill = [run.manifest.numbers["largest_momentum"].value for run in both]
     assert fill[1] < 0.8 * fill[0]
@@ -381,7 +383,7 @@ def test_the_predictive_law_is_told_what_the_sensors_have(tmp_path, desat):
 
 
 @pytest.mark.parametrize(
-    "given",
+    "inputs",
     [
         {"size": "3U", "altitude": "721.863km", "inclination": "90deg", "rods": "0.2"},
         {
@@ -394,11 +396,11 @@ def test_the_predictive_law_is_told_what_the_sensors_have(tmp_path, desat):
     ],
     ids=lambda g: g["size"],
 )
-def test_detumbling_is_within_a_third_of_the_quickest_gain(tmp_path, given):
+def test_detumbling_is_within_a_third_of_the_quickest_gain(tmp_path, inputs):
     """It was seven to ten times as slow for the first of these."""
-    new_craft.write(tmp_path / "c", CraftFacts(**given), "desat new craft")
+    new_craft.write(tmp_path / "c", CraftFacts(**inputs), "desat new craft")
     target = str(tmp_path / "c" / "detumbling.toml")
-    own = execute(target, Options()).manifest.numbers
+    own_value = execute(target, Options()).manifest.numbers
     system, _ = prepare(target, Options()).or_raise()
     gain = system.components["manager"].values["gain"]
     others = [
@@ -406,8 +408,10 @@ def test_detumbling_is_within_a_third_of_the_quickest_gain(tmp_path, given):
         for k in (0.4, 0.7, 1.5, 2.5)
     ]
     times = [run.manifest.numbers["detumbled"].value for run in others]
-    assert own["detumbled"].value <= 1.3 * min(x for x in times if x is not None)
-    assert 0.0 < own["least_braking"].value / 3600.0 < own["detumbled"].value
+    assert own_value["detumbled"].value <= 1.3 * min(x for x in times if x is not None)
+    assert (
+        0.0 < own_value["least_braking"].value / 3600.0 < own_value["detumbled"].value
+    )
 
 
 # --- numbers are of all rows ----------------------------------------------------------
@@ -430,18 +434,18 @@ def test_what_is_kept_of_the_rows_changes_no_number(craft, tmp_path, desat, targ
     target = str(craft) if target == "craft" else target
     stop = {DAY: 12000.0, str(craft): 12000.0}.get(target, 3000.0)
     runs = [execute(target, Options(stop=stop, every=n)) for n in (1, 10)]
-    whole, thin = (run.manifest for run in runs)
-    assert whole.numbers == thin.numbers
-    assert whole.verdicts == thin.verdicts
-    assert whole.unmet == thin.unmet
+    full, thin = (run.manifest for run in runs)
+    assert full.numbers == thin.numbers
+    assert full.verdicts == thin.verdicts
+    assert full.unmet == thin.unmet
     assert runs[0].code == runs[1].code
-    kept = runs[1].results.times()
-    assert kept.tolist() == runs[0].results.times()[::10].tolist()
+    saved = runs[1].results.times()
+    assert saved.tolist() == runs[0].results.times()[::10].tolist()
 
 
 def test_a_requirement_is_judged_by_all_rows(craft, tmp_path, desat):
     """The largest momentum was that of the rows that were kept."""
-    whole = (
+    full = (
         execute(str(craft), Options(stop=6000.0))
         .manifest.numbers["largest_momentum"]
         .value
@@ -449,7 +453,7 @@ def test_a_requirement_is_judged_by_all_rows(craft, tmp_path, desat):
     file = craft / "tight.toml"
     file.write_text(
         f'extends = "nominal"\n[requirements.momentum]\nnumber = "largest_momentum"\n'
-        f"max = {0.9999 * whole}\n"
+        f"max = {0.9999 * full}\n"
     )
     for every in ("1", "10"):
         done = desat(
@@ -467,9 +471,9 @@ def test_a_requirement_is_judged_by_all_rows(craft, tmp_path, desat):
 
 def test_what_is_not_recorded_is_not_checked(craft):
     run = execute(str(craft), Options(stop=3000.0, record=("manager.*",)))
-    told = run.manifest.not_checked
-    assert told["largest_momentum"] == "not recorded: wheels.h_wheel"
-    assert told["sum_rms"].startswith("not recorded: ")
+    answer = run.manifest.not_checked
+    assert answer["largest_momentum"] == "not recorded: wheels.h_wheel"
+    assert answer["sum_rms"].startswith("not recorded: ")
     assert not {"largest_momentum", "sum_rms", "pointing"} & run.manifest.numbers.keys()
     assert run.manifest.verdicts == {}
 

@@ -16,10 +16,10 @@ def test_each_fmu_is_told_and_the_page_keeps_the_rest(
     native = paths.fmus() / "native" / "spacecraft_rigid.fmu"
     broken = tmp_path / "broken.fmu"
     broken.write_bytes(native.read_bytes()[:1000])
-    told = hosts.tried("desat", [broken, native])
-    assert "broken.fmu: not a readable" in told["broken"]["why"]
+    answer = hosts.tried("desat", [broken, native])
+    assert "broken.fmu: not a readable" in answer["broken"]["why"]
     theirs = hosts.tried("FMPy", [native])
-    assert hosts.same(told["spacecraft_rigid"]["outputs"], theirs["spacecraft_rigid"])
+    assert hosts.same(answer["spacecraft_rigid"]["outputs"], theirs["spacecraft_rigid"])
     other = {**theirs["spacecraft_rigid"]["outputs"], "q_bi[3]": 0.5}
     assert not hosts.same(other, theirs["spacecraft_rigid"])
     page = tmp_path / "hosts.md"
@@ -44,6 +44,6 @@ def test_an_fmu_that_ends_its_host_is_told_and_the_next_one_tried(
             self.stdout, self.returncode = next(lines), -11
 
     monkeypatch.setattr(hosts.subprocess, "run", lambda *a, **k: Done())
-    told = hosts.tried("C", [Path("a.fmu"), Path("b.fmu"), Path("c.fmu")])
-    assert told["b"] == {"why": "ends the process (-11)"}
-    assert told["c"] == {"why": "x"}
+    answer = hosts.tried("C", [Path("a.fmu"), Path("b.fmu"), Path("c.fmu")])
+    assert answer["b"] == {"why": "ends the process (-11)"}
+    assert answer["c"] == {"why": "x"}

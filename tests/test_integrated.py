@@ -170,11 +170,11 @@ def test_gain_margins_are_where_the_characteristic_polynomial_crosses_the_axis()
 
 
 def manager(**values):
-    made = fresh("manager_integrated")
+    block = fresh("manager_integrated")
     for key, value in {"axes_wheel": PYRAMID, **values}.items():
-        assert hasattr(made, key)
-        setattr(made, key, value)
-    return begin(made)
+        assert hasattr(block, key)
+        setattr(block, key, value)
+    return begin(block)
 
 
 def stepped(block, t=0.0, **values):
@@ -196,10 +196,10 @@ def test_the_wheels_get_what_the_equations_say():
     a = np.reshape(PYRAMID, (3, 4))
     stored_h = a @ h
     t_des = integrated.desaturation(tuple(stored_h), B, 0.05, 1.2e-5)
-    wanted = np.linalg.pinv(a) @ (
+    expected = np.linalg.pinv(a) @ (
         np.array(t_des) - 0.75 * np.array(tau) - np.cross(omega, stored_h)
     )
-    assert block.tau_cmd_wheel == pytest.approx(wanted, rel=1e-12)
+    assert block.tau_cmd_wheel == pytest.approx(expected, rel=1e-12)
     b = np.array(B)
     assert block.m_cmd_body == pytest.approx(
         np.cross(b, 0.25 * np.array(tau)) / (b @ b), rel=1e-12
@@ -264,8 +264,8 @@ def test_velocity_dumping_begins_and_ends_at_its_rates():
         )
         given_by_wheels = -np.reshape(PYRAMID, (3, 4)) @ block.tau_cmd_wheel
         modes.append(block.mode)
-        wanted = (0.0, -2e-3 * rate, 0.0) if block.mode == 5 else tau
-        assert given_by_wheels == pytest.approx(wanted, abs=1e-15)
+        expected = (0.0, -2e-3 * rate, 0.0) if block.mode == 5 else tau
+        assert given_by_wheels == pytest.approx(expected, abs=1e-15)
     assert modes == [0, 5, 5, 0, 0]
 
 
@@ -484,11 +484,11 @@ def test_the_stored_draws_say_where_they_are_from(drawn):
     for found in drawn["scenarios"].values():
         assert len(found["draws"]) >= 20
         for name, s in found["summary"].items():
-            given = [d.numbers[name] for d in found["draws"]]
+            stored_values = [d.numbers[name] for d in found["draws"]]
             values = [
-                math.inf if x is None else x for x in given
+                math.inf if x is None else x for x in stored_values
             ]  # a time not reached: later
-            assert s.n == len(values) - given.count(None)
+            assert s.n == len(values) - stored_values.count(None)
             assert s.levels["min"] == min(values)
             for key, value in (("max", max(values)), ("median", np.median(values))):
                 assert (math.inf if s.levels[key] is None else s.levels[key]) == value
@@ -547,12 +547,12 @@ def test_bands_of_the_draws_are_met_but_for_those_that_are_known(current):
     for name, found in current["scenarios"].items():
         scenario, values = find(name), medians[name]
         keys = scenario.content.judged
-        made = [
+        results = [
             r
             for r in comparison.rows_of(scenario, values, medians, found)
             if r.ours is not None
         ]
-        for key, row in zip(keys, made, strict=True):
+        for key, row in zip(keys, results, strict=True):
             banded += row.within is not None
             if row.within is False:
                 missed.add((name.removeprefix("integrated/"), key))
@@ -598,7 +598,7 @@ def test_intervals_of_shares():
 def test_a_row_of_a_share_says_its_interval_and_is_held_against_its_band():
     scenario = find("integrated/ideal-inertial")
     names = {*scenario.content.numbers, "limit_time"}
-    made = [
+    results = [
         RunRow(
             "completed",
             0,
@@ -613,7 +613,7 @@ def test_a_row_of_a_share_says_its_interval_and_is_held_against_its_band():
     found = {
         r.quantity: r
         for r in comparison.rows_of(
-            scenario, values, {}, {"summary": summary, "draws": made}
+            scenario, values, {}, {"summary": summary, "draws": results}
         )
     }
     row = found["draws_with_a_saturated_wheel"]
@@ -645,9 +645,9 @@ def test_flags_are_yes_and_no():
     entry = scenario.content.entries["saturated"]
     draws = Spread(20, 0.0, 0.0, (0.0, 0.0))
     row = comparison._row(scenario, entry, 0.0, {}, draws)
-    told = tables.texts_of(row)
-    assert (told["paper"], told["ours"], told["band"]) == ("no", "no", "no")
-    assert told["draws"] == "no in all 20"
+    answer = tables.texts_of(row)
+    assert (answer["paper"], answer["ours"], answer["band"]) == ("no", "no", "no")
+    assert answer["draws"] == "no in all 20"
 
 
 def test_a_band_may_be_open_at_one_end():
@@ -658,11 +658,11 @@ def test_a_band_may_be_open_at_one_end():
     draws = Spread(2, 1.05, 9e9, (1.0, inf))
     row = comparison._row(scenario, entry, 9e9, {}, draws)
     assert row.within
-    told = tables.texts_of(row)
-    assert told["band"] == "at least 1.100"
-    assert told["draws"].endswith("of 2 (each: at least 1)")
-    [made] = tables.as_json("integrated", [row])["rows"]
-    assert (made["band"], made["draws"]["band"]) == (
+    answer = tables.texts_of(row)
+    assert answer["band"] == "at least 1.100"
+    assert answer["draws"].endswith("of 2 (each: at least 1)")
+    [result] = tables.as_json("integrated", [row])["rows"]
+    assert (result["band"], result["draws"]["band"]) == (
         [1.1, tables.LARGEST],
         [1.0, tables.LARGEST],
     )
@@ -694,43 +694,45 @@ def test_the_standard_numbers_of_a_managed_run():
             values={"wheels.h_start_wheel": [0.019, 0.012, 0.019, 0.015]},
         ),
     )
-    told = {k: n["value"] for k, n in run.manifest["numbers"].items()}
+    numbers = {k: n["value"] for k, n in run.manifest["numbers"].items()}
     h = run.results.values("wheels.h_wheel")
     stored_h = np.linalg.norm(h @ np.reshape(PYRAMID, (3, 4)).T, axis=1)
     times = run.results.times()
     over_time = np.trapezoid(stored_h**2, times) / (times[-1] - times[0])
-    assert told["sum_rms"] == pytest.approx(math.sqrt(over_time), rel=1e-9)
-    assert told["sum_largest"] == pytest.approx(stored_h.max(), rel=1e-9)
+    assert numbers["sum_rms"] == pytest.approx(math.sqrt(over_time), rel=1e-9)
+    assert numbers["sum_largest"] == pytest.approx(stored_h.max(), rel=1e-9)
     along = h @ np.array([1.0, -1.0, 1.0, -1.0]) / 4.0
     over_time = np.trapezoid(along**2, times) / (times[-1] - times[0])
-    assert told["null_rms"] == pytest.approx(math.sqrt(over_time), rel=1e-9)
-    assert told["momentum_margin"] == pytest.approx(
+    assert numbers["null_rms"] == pytest.approx(math.sqrt(over_time), rel=1e-9)
+    assert numbers["momentum_margin"] == pytest.approx(
         100.0 * (1.0 - np.abs(h).max() / H_MAX)
     )
     m = np.abs(run.results.values("torquers.m_mean_body")) / 0.3
-    assert told["coil_duty"] == pytest.approx(100.0 * m.mean())
-    assert told["coil_limit_share"] == pytest.approx(
+    assert numbers["coil_duty"] == pytest.approx(100.0 * m.mean())
+    assert numbers["coil_limit_share"] == pytest.approx(
         100.0 * (m > 0.999).any(axis=1).mean()
     )
     saturated = run.results.values("wheels.saturated_wheel").any(axis=1)
-    assert told["limit_time"] == pytest.approx(0.5 * saturated[:-1].sum())
-    assert told["limit_time"] > 0.0
+    assert numbers["limit_time"] == pytest.approx(0.5 * saturated[:-1].sum())
+    assert numbers["limit_time"] > 0.0
     speed = run.results.values("wheels.speed_wheel")
-    assert told["crossings"] == (np.signbit(speed[1:]) != np.signbit(speed[:-1])).sum()
+    assert (
+        numbers["crossings"] == (np.signbit(speed[1:]) != np.signbit(speed[:-1])).sum()
+    )
 
 
 def test_pulsed_coils_are_counted_by_the_period():
     run = execute("uosat12/flight-ocdc-1", Options(blocks=True, stop=100.0))
-    told = {k: n["value"] for k, n in run.manifest["numbers"].items()}
+    numbers = {k: n["value"] for k, n in run.manifest["numbers"].items()}
     m = (
         np.abs(run.results.values("torquers.m_mean_body"))
         .reshape(10, 10, 3)
         .mean(axis=1)
         / 36.0
     )
-    assert told["coil_duty"] == pytest.approx(100.0 * m.mean())
-    assert 0.0 < told["coil_limit_share"] <= 100.0
-    assert told["momentum_margin"] > 40.0
+    assert numbers["coil_duty"] == pytest.approx(100.0 * m.mean())
+    assert 0.0 < numbers["coil_limit_share"] <= 100.0
+    assert numbers["momentum_margin"] > 40.0
 
 
 # --- figures --------------------------------------------------------------------------
@@ -754,14 +756,14 @@ def test_a_second_panel_shows_the_steady_state_and_an_envelope_the_extremes():
     plot = {"title": "Dipole", "signals": ["torquers.m_mean_body"], "unit": "A.m2"}
     assert len(plots.series_figure(Plot(**plot), runs).axes) == 1
     assert len(plots.series_figure(Plot(**plot, steady=300.0), runs).axes) == 1
-    whole, steady = plots.series_figure(Plot(**plot, steady=100.0), runs).axes
+    full, steady = plots.series_figure(Plot(**plot, steady=100.0), runs).axes
     assert (steady.title, steady.x.low, steady.x.high) == (
         "from 100 s on",
         100.0,
         200.0,
     )
     assert min(steady.marks[0].x) == 100.0
-    assert [m.filled for m in whole.marks] == [False] * 3
+    assert [m.filled for m in full.marks] == [False] * 3
     filled = plots.series_figure(Plot(**plot, envelope=True), runs).axes[0].marks
     assert all(m.filled and m.label.endswith("least to most") for m in filled)
     x = np.arange(2400.0)
@@ -779,8 +781,8 @@ def test_a_stored_draw_comes_out_again(current):
     name = "integrated/velocity-dumping"
     values = values_of(read(name).builder(Options(blocks=True)), current["seed"], 0)
     again = execute(name, Options(values=values)).manifest["numbers"]
-    kept = current["scenarios"][name]["draws"][0].numbers
-    assert {k: again[k]["value"] for k in kept} == pytest.approx(kept, rel=1e-6)
+    saved = current["scenarios"][name]["draws"][0].numbers
+    assert {k: again[k]["value"] for k in saved} == pytest.approx(saved, rel=1e-6)
 
 
 def test_tables_pack_nothing_and_record_only_what_numbers_need(monkeypatch, tmp_path):
@@ -797,8 +799,8 @@ def test_tables_pack_nothing_and_record_only_what_numbers_need(monkeypatch, tmp_
     assert not list(tmp_path.iterdir())
     assert name in [case.target for case in run]
     assert not any("*" in pattern for case in run for pattern in case.options.record)
-    whole = execute(name, Options())
-    assert found["firing_time"] == whole.manifest["numbers"]["firing_time"]["value"]
+    full = execute(name, Options())
+    assert found["firing_time"] == full.manifest["numbers"]["firing_time"]["value"]
 
 
 def test_rows_of_draws_have_the_median_and_the_file_is_named(drawn, monkeypatch):
@@ -825,6 +827,6 @@ def test_rows_of_draws_have_the_median_and_the_file_is_named(drawn, monkeypatch)
         summary.levels["max"],
     )
     assert row["within"] is True
-    lost = replace(rows("integrated", Options(), drawn=drawn)[0], draws=None)
-    assert tables.texts_of(lost)["draws"] == ""
+    incomplete = replace(rows("integrated", Options(), drawn=drawn)[0], draws=None)
+    assert tables.texts_of(incomplete)["draws"] == ""
     assert json.dumps(data)

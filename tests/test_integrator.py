@@ -125,9 +125,9 @@ def test_order_conditions(order):
 
 
 @pytest.mark.parametrize(
-    ("order", "angle", "wanted"), [(8, 0.3, -1.3e-13), (6, 0.055, 5.5e-14)]
+    ("order", "angle", "expected"), [(8, 0.3, -1.3e-13), (6, 0.055, 5.5e-14)]
 )
-def test_growth_of_an_oscillation(order, angle, wanted):
+def test_growth_of_an_oscillation(order, angle, expected):
     """|R(i a)| - 1, in exact arithmetic: what a step takes from an oscillation."""
     a, b, _ = tableau(order)
 
@@ -145,7 +145,7 @@ def test_growth_of_an_oscillation(order, angle, wanted):
     for x, k in zip(b, stages, strict=True):
         end = [end[0] + Fraction(x) * k[0], end[1] + Fraction(x) * k[1]]
     growth = float((end[0] * end[0] + end[1] * end[1] - 1) / 2)
-    assert growth == pytest.approx(wanted, rel=0.1)
+    assert growth == pytest.approx(expected, rel=0.1)
 
 
 # --- the equations of motion ----------------------------------------------------------

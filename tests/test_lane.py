@@ -42,7 +42,7 @@ def test_a_tables_impulse_is_exact_whatever_the_steps(between: int) -> None:
         "disturbance_table", torque=table(*rows), between=between, repeated=True
     )
     # hold: 10 s of (0, 1, 0), 15 s of (1, 1, 0); linear: means of both ends
-    whole = np.array([15.0, 25.0, 0.0] if between == 0 else [5.0, 17.5, 0.0])
+    full = np.array([15.0, 25.0, 0.0] if between == 0 else [5.0, 17.5, 0.0])
     for dt in (0.7, 1.0, 5.0, 12.5):
         total, steps = np.zeros(3), 0
         while (steps + 1) * dt <= 75.0 + 1e-9:
@@ -53,7 +53,7 @@ def test_a_tables_impulse_is_exact_whatever_the_steps(between: int) -> None:
         if rest > 1e-9:
             source.advance(steps * dt, rest)
             total += rest * np.array(source.tau_ext_body)
-        assert total == pytest.approx(3.0 * whole, rel=1e-12, abs=1e-12)
+        assert total == pytest.approx(3.0 * full, rel=1e-12, abs=1e-12)
 
 
 def test_a_tables_frames_and_what_it_is_added_to() -> None:
@@ -195,8 +195,8 @@ def test_a_driven_panel_faces_the_sun_as_a_flat_area_does() -> None:
     across = math.sqrt(sun[0] ** 2 + sun[2] ** 2)
     # a black plate whose normal is as near to the Sun as its drive lets it: cos is |s
     # across|
-    wanted = torques.radiation(sun, 1.0, 2.0 * across, (0.0, -1.5, 0.0))
-    assert torques.radiation_on_plates(sun, 1.0, turned) == pytest.approx(wanted)
+    expected = torques.radiation(sun, 1.0, 2.0 * across, (0.0, -1.5, 0.0))
+    assert torques.radiation_on_plates(sun, 1.0, turned) == pytest.approx(expected)
     fixed = torques.facing(plates, torques.drives_of(rows, (0.0,) * 48), sun)
     assert fixed == plates
 
@@ -233,13 +233,13 @@ def test_driven_panels_balance_in_a_run(tmp_path: Path) -> None:
 def test_a_coil_by_its_making() -> None:
     """300 turns of 80 x 80 mm at 100 mA: 0.192 A m2; a core of infinite permeability
     multiplies by 1 + 1 / N_d."""
-    made = coil.air(300, 0.08, 0.08, 0.2e-3, 0.1)
-    assert made.dipole == pytest.approx(0.192)
+    result = coil.air(300, 0.08, 0.08, 0.2e-3, 0.1)
+    assert result.dipole == pytest.approx(0.192)
     length = 300 * 4 * 0.08
     section = math.pi * 1e-4**2
-    assert made.resistance == pytest.approx(1.72e-8 * length / section)
-    assert made.power == pytest.approx(0.01 * made.resistance)
-    assert made.mass == pytest.approx(8960.0 * length * section)
+    assert result.resistance == pytest.approx(1.72e-8 * length / section)
+    assert result.power == pytest.approx(0.01 * result.resistance)
+    assert result.mass == pytest.approx(8960.0 * length * section)
     slender = 20.0
     demagnetising = 4 * (math.log(slender) - 1) / (slender**2 - 4 * math.log(slender))
     assert coil.core_factor(0.1, 0.005, 1e12) == pytest.approx(
@@ -357,13 +357,13 @@ def test_a_craft_of_one_line_flies_as_it_is_wanted(tmp_path: Path, name: str) ->
 
 def test_a_sun_pointing_craft_is_sized_to_a_percent_of_its_loop(tmp_path: Path) -> None:
     write(tmp_path / "mine", CRAFTS["sun"], "")
-    made = size_of(
+    sizing = size_of(
         str(tmp_path / "mine"), Options(), SizingRequirements(year=False, laws=False)
     )
-    assert made.attitude == "sun"
-    flown = [r for r in made.curve if r.loop_rms is not None]
-    assert flown
-    for row in flown:
+    assert sizing.attitude == "sun"
+    flight = [r for r in sizing.curve if r.loop_rms is not None]
+    assert flight
+    for row in flight:
         assert row.rms == pytest.approx(row.loop_rms, rel=0.01)
         assert row.duty == pytest.approx(row.loop_duty, rel=0.01)
 
@@ -382,24 +382,26 @@ def test_deep_space_is_sized_to_some_percent_of_its_loop(tmp_path: Path) -> None
         ),
         "",
     )
-    made = dumps.size(str(tmp_path / "mine"), Options(), SizingRequirements())
-    assert not made.problems
-    assert made.loop["dumps"] >= 7
-    assert made.steady.a_week == pytest.approx(made.loop["dumps_a_week"], rel=0.05)
-    assert made.steady.a_year == pytest.approx(made.loop["propellant_a_year"], rel=0.05)
+    sizing = dumps.size(str(tmp_path / "mine"), Options(), SizingRequirements())
+    assert not sizing.problems
+    assert sizing.loop["dumps"] >= 7
+    assert sizing.steady.a_week == pytest.approx(sizing.loop["dumps_a_week"], rel=0.05)
+    assert sizing.steady.a_year == pytest.approx(
+        sizing.loop["propellant_a_year"], rel=0.05
+    )
 
 
 def test_a_secular_torque_is_what_size_finds(tmp_path: Path) -> None:
     write(tmp_path / "mine", CRAFTS["secular"], "")
-    made = size_of(
+    sizing = size_of(
         str(tmp_path / "mine"),
         Options(),
         SizingRequirements(year=False, laws=False, flown=False),
     )
-    given = next(s for s in made.sources if s.name == "given torque")
+    inputs = next(s for s in sizing.sources if s.name == "given torque")
     # about the orbit's normal, which J2 turns by 7 deg a day
-    assert given.secular == pytest.approx(0.5e-6, rel=0.01)
-    assert given.along == pytest.approx(1.0, abs=0.01)
+    assert inputs.secular == pytest.approx(0.5e-6, rel=0.01)
+    assert inputs.along == pytest.approx(1.0, abs=0.01)
 
 
 def test_a_csv_of_torques_flies(tmp_path: Path) -> None:
@@ -414,12 +416,12 @@ def test_a_csv_of_torques_flies(tmp_path: Path) -> None:
     assert rows["disturbance"]["frame"] == "lvlh"
     assert rows["disturbance"]["torque"][1] == [3000.0, -1e-6, 0.0, 2e-7]
     run = library.run(str(tmp_path / "mine"), stop=6000.0)
-    given = run.results.values("disturbance.tau_ext_body")
-    assert np.linalg.norm(given[0]) == pytest.approx(1e-6, rel=1e-3)
+    impulse = run.results.values("disturbance.tau_ext_body")
+    assert np.linalg.norm(impulse[0]) == pytest.approx(1e-6, rel=1e-3)
 
 
 @pytest.mark.parametrize(
-    ("wanted", "told"),
+    ("expected", "message"),
     [
         (
             {"sun": "1AU", "rods": "0.2"},
@@ -461,15 +463,15 @@ def test_a_csv_of_torques_flies(tmp_path: Path) -> None:
     ],
 )
 def test_what_cannot_be_is_refused(
-    tmp_path: Path, wanted: dict[str, Any], told: str
+    tmp_path: Path, expected: dict[str, Any], message: str
 ) -> None:
-    with pytest.raises(DesatError, match=told):
-        write(tmp_path / "mine", CraftFacts(**wanted), "")
+    with pytest.raises(DesatError, match=message):
+        write(tmp_path / "mine", CraftFacts(**expected), "")
     assert not (tmp_path / "mine").exists()
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("t,x,y,z\n", "there is no row of four numbers"),
         ("0,1,2\n0,1,2,3\n1,2,3\n", r":1: four numbers are needed, t in s"),
@@ -484,10 +486,10 @@ def test_what_cannot_be_is_refused(
     ],
 )
 def test_a_csv_that_is_wrong_is_refused_by_its_line(
-    tmp_path: Path, text: str, told: str
+    tmp_path: Path, text: str, message: str
 ) -> None:
     (tmp_path / "tau.csv").write_text(text)
-    with pytest.raises(DesatError, match=told):
+    with pytest.raises(DesatError, match=message):
         write(tmp_path / "mine", CraftFacts(torque=str(tmp_path / "tau.csv")), "")
 
 

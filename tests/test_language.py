@@ -285,9 +285,11 @@ def command(monkeypatch, capsys):
         monkeypatch.setattr("sys.argv", ["desat", *arguments])
         code = cli._code()
         lines = capsys.readouterr().err.splitlines()
-        said = [line.removeprefix("error: ") for line in lines]
+        messages = [line.removeprefix("error: ") for line in lines]
         return code, [
-            x for x in said if not x.startswith(("note: ", "warning: ", "1 problem(s)"))
+            x
+            for x in messages
+            if not x.startswith(("note: ", "warning: ", "1 problem(s)"))
         ]
 
     return give
@@ -593,9 +595,9 @@ def test_an_element_of_a_derived_quantity_is_one_that_it_has(
         'signal = ["spacecraft.q_bi", "guidance.q_ref_bi"]\nderive = "euler"\n'
         f'element = {element}\nmeasure = "largest"\n'
     )
-    said = desat("check", str(path))
-    assert said.returncode == code, said.stderr
-    assert ("element: got 4; euler has 3" in said.stderr) == bool(code)
+    outcome = desat("check", str(path))
+    assert outcome.returncode == code, outcome.stderr
+    assert ("element: got 4; euler has 3" in outcome.stderr) == bool(code)
 
 
 def test_numbers_of_derived_quantities():
@@ -675,12 +677,12 @@ def test_each_value_that_is_shown_comes_from_a_file(desat):
 
 def test_every_table_of_the_language_is_told():
     """In `desat help keys` and on the page, by the name that other keys' types have."""
-    told = set(explain._tables().values())
+    answer = set(explain._tables().values())
     for module in (language, paper):
         for table in vars(module).values():
             if isinstance(table, type) and table.__module__ == module.__name__:
-                whole = table in told or any(issubclass(t, table) for t in told)
-                assert whole or table is language.DesignFile, table
+                full = table in answer or any(issubclass(t, table) for t in answer)
+                assert full or table is language.DesignFile, table
 
 
 def test_the_page_of_the_language_is_current():
@@ -722,13 +724,13 @@ def test_each_key_at_the_top_says_what_it_is_of_use_for():
     assert travelling | {"labels"} == set(KEYS)
     assert {n for n, of in keys.items() if not of.inherited} == {"extends", "abstract"}
     content = find("nadir_day/day-dipole").content
-    told = content.as_json()
-    assert told.keys() - content.counted().keys() <= {
+    answer = content.as_json()
+    assert answer.keys() - content.counted().keys() <= {
         "name",
         "cell",
         "labels",
         *(n for n, of in keys.items() if of.use in ("text", "resolved")),
     }
     assert content.counted().keys() == {
-        n for n in told if n in keys and keys[n].use == "run"
+        n for n in answer if n in keys and keys[n].use == "run"
     }

@@ -43,11 +43,11 @@ def test_what_is_required_stands_beside_its_number(tmp_path) -> None:
 
 def test_sources_are_a_mapping_or_texts() -> None:
     law = "manager_cross_product"
-    told = [
-        library.run(DAY, stop=20.0, sources=given).manifest.digest
-        for given in ([f"manager={law}"], {"manager": law})
+    answer = [
+        library.run(DAY, stop=20.0, sources=inputs).manifest.digest
+        for inputs in ([f"manager={law}"], {"manager": law})
     ]
-    assert told[0] == told[1]
+    assert answer[0] == answer[1]
 
 
 def test_an_option_that_there_is_not_is_named() -> None:
@@ -56,10 +56,10 @@ def test_an_option_that_there_is_not_is_named() -> None:
 
 
 def test_the_options_of_a_program_are_those_of_a_run() -> None:
-    own = {"sets", "stop", "step", "values"}
+    own_value = {"sets", "stop", "step", "values"}
     assert (
         set(RunOptions.__annotations__)
-        == {f.name for f in dataclasses.fields(Options)} - own
+        == {f.name for f in dataclasses.fields(Options)} - own_value
     )
 
 
@@ -102,17 +102,17 @@ def test_the_command_line_of_options_is_one_that_run_takes() -> None:
 
 def test_a_craft_is_sized_by_a_program(tmp_path) -> None:
     write(tmp_path / "mine", CraftFacts(size="3U"), "")
-    made = library.size(
+    sizing = library.size(
         str(tmp_path / "mine"), stop=12000.0, year=False, laws=False, flown=False
     )
-    assert made.answer.startswith(str(tmp_path / "mine"))
-    assert made.as_json()["least"] > 0.0
+    assert sizing.answer.startswith(str(tmp_path / "mine"))
+    assert sizing.as_json()["least"] > 0.0
 
 
 def test_the_examples_of_the_docstrings_are_right() -> None:
-    told = doctest.testmod(library, optionflags=doctest.ELLIPSIS)
-    assert told.failed == 0
-    assert told.attempted >= 9
+    answer = doctest.testmod(library, optionflags=doctest.ELLIPSIS)
+    assert answer.failed == 0
+    assert answer.attempted >= 9
 
 
 def test_series_of_a_kind_share_their_dimension() -> None:
@@ -128,9 +128,9 @@ def test_series_of_a_kind_share_their_dimension() -> None:
     assert ds["torquers.m_mean_body"].dims == ("interval", "axis")
     assert float(ds.interval[0]) == 0.5
     for rows in (slice(None), slice(3, 50, 7), slice(None, None, -1), 60, -1, [0, 60]):
-        whole = ds["tachometers.h_meas_wheel"].values
+        full = ds["tachometers.h_meas_wheel"].values
         assert np.array_equal(
-            ds["tachometers.h_meas_wheel"][rows].values, whole[rows], True
+            ds["tachometers.h_meas_wheel"][rows].values, full[rows], True
         )
     frame = ds[["wheels.h_wheel", "wheels.speed_wheel"]].to_dataframe()
     assert len(frame) == 61 * 4
@@ -173,8 +173,8 @@ def test_a_craft_is_begun_compared_and_tuned_by_a_program(tmp_path) -> None:
         craft, "manager.gain", "coil_duty", stop=60.0, count=1, unseen=6
     )
     assert tuned.best < tuned.own
-    for made in (compared, ranked, tuned):
-        assert len(repr(made)) <= 1000
+    for result in (compared, ranked, tuned):
+        assert len(repr(result)) <= 1000
 
 
 def test_each_public_name_is_on_the_page_of_python() -> None:

@@ -256,7 +256,7 @@ def system(folder: Path, wires=WIRES, stop: float = 1e6, **parameters: object):
 
 def test_a_failure_is_the_same(probe):
     """Component, call, time, the FMU's own words, and the rows until then."""
-    told = []
+    messages = []
     for loop in BOTH:
         with Master(*system(probe, fail_at=3000.0, status=2)) as m:
             m.initialise()
@@ -268,27 +268,30 @@ def test_a_failure_is_the_same(probe):
             assert m.k == 3000
             with recorder.finish(m) as results:
                 rows = [results.values(n) for n in results.names()]
-                told.append(
+                messages.append(
                     (
                         str(error.value),
                         [r.tobytes() for r in rows],
                         [len(r) for r in rows],
                     )
                 )
-    assert told[0] == told[1]
-    assert told[0][0] == "b: the step from t = 3000 s returned discard: too late, it is"
-    assert set(told[0][2]) == {3000, 3001}
+    assert messages[0] == messages[1]
+    assert (
+        messages[0][0]
+        == "b: the step from t = 3000 s returned discard: too late, it is"
+    )
+    assert set(messages[0][2]) == {3000, 3001}
 
 
 def test_what_is_not_finite_is_found_in_its_step(probe):
-    told = []
+    messages = []
     for loop in BOTH:
         with Master(*system(probe, nan_at=2000.0)) as m:
             m.initialise()
             with pytest.raises(ComponentError) as error:
                 run(m, stepping(m, None, NEVER, loop), 5000, Recorder(None, m))
-            told.append((str(error.value), m.k))
-    assert told[0] == told[1] == ("b.y = nan at t = 2000 s", 2000)
+            messages.append((str(error.value), m.k))
+    assert messages[0] == messages[1] == ("b.y = nan at t = 2000 s", 2000)
 
 
 def test_a_warning_goes_on(probe):
@@ -312,9 +315,9 @@ def test_what_it_does_not_know_is_said_and_done(probe):
 
 
 def test_bare_blocks_keep_the_masters_loop():
-    made = execute("gyrostat/full", Options(stop=2.0, blocks=True))
-    assert made.manifest["loop"]["name"] == "python"
-    assert made.manifest["loop"]["why"].endswith("is not run as an FMU")
+    result = execute("gyrostat/full", Options(stop=2.0, blocks=True))
+    assert result.manifest["loop"]["name"] == "python"
+    assert result.manifest["loop"]["why"].endswith("is not run as an FMU")
 
 
 def test_values_of_our_native_fmus_are_moved_where_they_lie():
@@ -368,9 +371,9 @@ def test_rows_around_a_chunk(probe, monkeypatch, tmp_path, rows, every, ticks):
             with recorder.finish(m) as results:
                 if every > 1:
                     results.thin(every)
-                kept = [float(k) for k in range(0, rows, every)]
+                saved = [float(k) for k in range(0, rows, every)]
                 assert (
-                    results.times().tolist() == results.values("a.x").tolist() == kept
+                    results.times().tolist() == results.values("a.x").tolist() == saved
                 )
                 assert len(results.values("b.y")) == len(range(0, rows - 1, every))
             assert [p.name for p in tmp_path.iterdir()] == ([file] if file else [])
@@ -405,7 +408,7 @@ def test_rows_that_are_in_memory_when_a_process_dies():
         half.times[: len(times)] = half.rows["Real"][: len(times), 0] = times
         half.taken[0] = len(times)
 
-    def left() -> list[float]:
+    def remaining_rows() -> list[float]:
         times, rows = unwritten.read_unwritten()
         assert rows["Real"][:, 0].tolist() == times.tolist()
         assert len(rows["Integer"]) == len(times)
@@ -414,38 +417,38 @@ def test_rows_that_are_in_memory_when_a_process_dies():
     take([1.0, 2.0, 3.0])
     handed = unwritten.swap()
     take([4.0, 5.0])
-    assert (unwritten.written, left()) == (0, [1.0, 2.0, 3.0, 4.0, 5.0])
+    assert (unwritten.written, remaining_rows()) == (0, [1.0, 2.0, 3.0, 4.0, 5.0])
     unwritten.wrote(handed)
-    assert (unwritten.written, left()) == (3, [4.0, 5.0])
+    assert (unwritten.written, remaining_rows()) == (3, [4.0, 5.0])
     unwritten.swap()
     take([6.0])
-    assert left() == [4.0, 5.0, 6.0]
+    assert remaining_rows() == [4.0, 5.0, 6.0]
 
 
 def test_the_ending_is_asked_where_its_condition_changes(probe):
     """An ending that is asked after every step, and one that says when, see the same."""
     ends = {}
-    for how, loop in product(("always", "above", "reaches"), BOTH):
+    for way, loop in product(("always", "above", "reaches"), BOTH):
         with Master(*system(probe)) as m:
             m.initialise()
-            name = ("a", "x") if how != "reaches" else ("b", "late")
+            name = ("a", "x") if way != "reaches" else ("b", "late")
             (slot,) = [s for s in m.slots if (s.component, s.signal.name) == name]
-            live, limit = m.live[slot.kind], 41.5 if how != "reaches" else 1
+            live, limit = m.live[slot.kind], 41.5 if way != "reaches" else 1
 
-            def reason(live=live, slot=slot, limit=limit, how=how) -> str:
+            def reason(live=live, slot=slot, limit=limit, way=way) -> str:
                 value = live[slot.index]
                 return (
                     "now"
-                    if (value == limit if how == "reaches" else value > limit)
+                    if (value == limit if way == "reaches" else value > limit)
                     else ""
                 )
 
-            ending = Ending(reason, how, [slot], limit)
+            ending = Ending(reason, way, [slot], limit)
             assert (
                 run(m, stepping(m, None, ending, loop), 9999, Recorder(None, m), ending)
                 == "now"
             )
-            ends[how, loop] = m.k
+            ends[way, loop] = m.k
     assert set(ends.values()) == {42, 7}
     assert ends["reaches", "compiled"] == ends["reaches", "python"] == 7
 
@@ -486,15 +489,15 @@ def test_the_time_of_a_step_is_that_of_stepping(monkeypatch):
     0.8 us were said to take 783 us each."""
 
     class Slow(step_case.Recorder):
-        def __init__(self, *given):
+        def __init__(self, *values):
             time.sleep(0.5)
-            super().__init__(*given)
+            super().__init__(*values)
 
         def finish(self, master):
             time.sleep(0.5)
             return super().finish(master)
 
     monkeypatch.setattr(step_case, "Recorder", Slow)
-    told = execute("uosat12/table3-ocdc-ilqr-1", Options()).manifest
-    assert told["wall_seconds"] >= 1.0
-    assert 0.0 < 1e-6 * told["us_per_step"] * told["steps_done"] < 0.3
+    run_manifest = execute("uosat12/table3-ocdc-ilqr-1", Options()).manifest
+    assert run_manifest["wall_seconds"] >= 1.0
+    assert 0.0 < 1e-6 * run_manifest["us_per_step"] * run_manifest["steps_done"] < 0.3

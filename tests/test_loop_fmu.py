@@ -157,9 +157,9 @@ def test_it_is_as_large_as_its_page_says(monkeypatch, tmp_path):
     """Built as `desat export fmu` does, for this platform alone."""
     monkeypatch.undo()
     page = (ROOT / "docs" / "loop-fmu.md").read_text(encoding="utf-8")
-    (said,) = re.findall(r"`nadir_day/day-dipole` has (\d+) kB", page)
+    (message,) = re.findall(r"`nadir_day/day-dipole` has (\d+) kB", page)
     path = export("nadir_day/day-dipole", Options(), LoopEnds(), tmp_path / "loop.fmu")
-    assert path.stat().st_size == pytest.approx(1e3 * float(said), rel=0.03)
+    assert path.stat().st_size == pytest.approx(1e3 * float(message), rel=0.03)
 
 
 NADIR = "integrated/mil-nadir"
@@ -167,7 +167,7 @@ NADIR = "integrated/mil-nadir"
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory):
+def built_loop(tmp_path_factory):
     """The loop of NADIR as one FMU, the same without its manager, and the run."""
     folder = tmp_path_factory.mktemp("loops")
     options = short(NADIR, 120, substeps=3)
@@ -175,7 +175,7 @@ def made(tmp_path_factory):
         patch.setattr(
             native, "FLAGS", tuple("-O1" if f == "-O3" else f for f in native.FLAGS)
         )
-        whole = export(
+        full = export(
             NADIR,
             options,
             LoopEnds(parameters=["manager.gain*", "shared.inertia"]),
@@ -187,22 +187,22 @@ def made(tmp_path_factory):
             LoopEnds(["wheels.*", "spacecraft.*"], without=["manager"]),
             folder / "open.fmu",
         )
-    return whole, open_, execute(NADIR, options, None), folder
+    return full, open_, execute(NADIR, options, None), folder
 
 
 def test_its_outputs_are_those_that_the_scenario_plots_and_validators_find_nothing(
-    made,
+    built_loop,
 ):
-    whole, open_, run, folder = made
-    assert validate_fmu(str(whole)) == []
+    full, open_, run, folder = built_loop
+    assert validate_fmu(str(full)) == []
     assert validate_fmu(str(open_)) == []
-    compared, wrong = differing(whole, run, folder / "w", 120)
+    compared, wrong = differing(full, run, folder / "w", 120)
     assert compared > 10
     assert wrong == []
 
 
-def test_a_loop_without_its_manager_is_a_plant_for_anybodys(made):
-    _, path, run, folder = made
+def test_a_loop_without_its_manager_is_a_plant_for_anybodys(built_loop):
+    _, path, run, folder = built_loop
     loop, series = Loop(path, folder / "o"), columns(run)
     inputs = [n for n, v in loop.variables.items() if v.causality == "input"]
     assert {base_name(n) for n in inputs} == {
@@ -232,9 +232,9 @@ def test_a_loop_without_its_manager_is_a_plant_for_anybodys(made):
     loop.close()
 
 
-def test_several_steps_at_once_states_and_parameters(made):
-    whole, _, run, folder = made
-    one, many = Loop(whole, folder / "a"), Loop(whole, folder / "b")
+def test_several_steps_at_once_states_and_parameters(built_loop):
+    full, _, run, folder = built_loop
+    one, many = Loop(full, folder / "a"), Loop(full, folder / "b")
     for _ in range(6):
         at_once = many.advance(5)
         for _ in range(5):
@@ -243,7 +243,7 @@ def test_several_steps_at_once_states_and_parameters(made):
     state = many.fmu.getFMUstate()
     after = many.advance(7)
     data = many.fmu.serializeFMUstate(state)
-    other = Loop(whole, folder / "c")
+    other = Loop(full, folder / "c")
     other.fmu.setFMUstate(other.fmu.deSerializeFMUstate(data))
     other.t = one.t
     assert other.advance(7) == after
@@ -252,7 +252,7 @@ def test_several_steps_at_once_states_and_parameters(made):
     options = short(NADIR, 120, substeps=3)
     options.sets = ["manager.gain=1e-4"]
     changed = columns(execute(NADIR, options, None))
-    loop = Loop(whole, folder / "d", **{"manager.gain": 1e-4})
+    loop = Loop(full, folder / "d", **{"manager.gain": 1e-4})
     got = [loop.outputs()] + [loop.advance() for _ in range(120)]
     want = changed["wheels.h_wheel", 0][0]
     assert (
@@ -263,9 +263,9 @@ def test_several_steps_at_once_states_and_parameters(made):
         x.close()
 
 
-def test_a_c_host_without_python_runs_it(made, tmp_path):
-    whole, open_, _, _ = made
-    host, given = tmp_path / "host", []
+def test_a_c_host_without_python_runs_it(built_loop, tmp_path):
+    full, open_, _, _ = built_loop
+    host, inputs = tmp_path / "host", []
     subprocess.run(
         [
             *compiler(),
@@ -278,12 +278,12 @@ def test_a_c_host_without_python_runs_it(made, tmp_path):
         ],
         check=True,
     )
-    for path in (whole, open_):
+    for path in (full, open_):
         folder = Path(fmpy.extract(path, str(tmp_path / path.stem)))
         (library,) = folder.rglob("*.so")
-        given += [str(library), fmpy.read_model_description(path).guid]
+        inputs += [str(library), fmpy.read_model_description(path).guid]
     done = subprocess.run(
-        ["/usr/bin/env", "-i", str(host), *given], capture_output=True, text=True
+        ["/usr/bin/env", "-i", str(host), *inputs], capture_output=True, text=True
     )
     assert done.stdout == "2 FMUs\n", done.stdout
 
@@ -291,14 +291,14 @@ def test_a_c_host_without_python_runs_it(made, tmp_path):
 @pytest.mark.skipif(
     not importlib.util.find_spec("libcosimpy"), reason="libcosimpy not installable"
 )
-def test_libcosim_runs_it_to_the_same_bits(made):
-    whole, _, run, _ = made
+def test_libcosim_runs_it_to_the_same_bits(built_loop):
+    full, _, run, _ = built_loop
     names = [f"wheels.h_wheel[{i}]" for i in (1, 2, 3, 4)]
     references = {
         v.name: v.valueReference
-        for v in fmpy.read_model_description(whole).modelVariables
+        for v in fmpy.read_model_description(full).modelVariables
     }
-    done = python(LIBCOSIM, str(whole), json.dumps([references[n] for n in names]))
+    done = python(LIBCOSIM, str(full), json.dumps([references[n] for n in names]))
     assert "ROWS " in done.stdout, done.stderr[-1000:]
     rows = np.array(json.loads(done.stdout.split("ROWS ")[1].splitlines()[0]))
     assert rows.tobytes() == run.results.values("wheels.h_wheel")[1:21].tobytes()
@@ -323,7 +323,7 @@ print("ROWS " + json.dumps(rows))
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (
             ["--without", "managr"],
@@ -345,7 +345,9 @@ print("ROWS " + json.dumps(rows))
         ),
     ],
 )
-def test_names_that_are_not_of_the_loop_are_refused(desat, arguments, said, tmp_path):
+def test_names_that_are_not_of_the_loop_are_refused(
+    desat, arguments, message, tmp_path
+):
     done = desat(
         "export",
         "fmu",
@@ -357,7 +359,7 @@ def test_names_that_are_not_of_the_loop_are_refused(desat, arguments, said, tmp_
         *arguments,
     )
     assert done.returncode == 2
-    assert said in done.stderr
+    assert message in done.stderr
 
 
 def test_a_block_that_has_no_c_is_named(desat, tmp_path):
@@ -393,16 +395,16 @@ def test_each_output_says_of_which_time_it_is(desat, tmp_path):
         "guidance.q_ref_bi",
         check=True,
     )
-    said = {
+    stated = {
         v.name: v.description for v in fmpy.read_model_description(file).modelVariables
     }
-    assert said["spacecraft.q_bi[1]"].endswith("after a step: of its end")
-    assert said["guidance.q_ref_bi[1]"].endswith(
+    assert stated["spacecraft.q_bi[1]"].endswith("after a step: of its end")
+    assert stated["guidance.q_ref_bi[1]"].endswith(
         "after a step: of the step that has just ended"
     )
     assert all(
         "after a step: " in text
-        for name, text in said.items()
+        for name, text in stated.items()
         if name.startswith(("spacecraft.", "guidance."))
     )
     page = (ROOT / "docs/loop-fmu.md").read_text()

@@ -141,14 +141,14 @@ def test_gains_solve_the_two_point_boundary_problem(tables):
             (w @ h - reach(t, R) @ p + PUSHED, (-f @ h - w.T @ p) / unit)
         )
 
-    def flown(start, from_h, to):
+    def fly(start, from_h, to):
         return solved(slope, (start, to), np.asarray(from_h)).y[:, -1]
 
     for i in (0, 20, 45):
         t = TIMES[i]
-        free = flown(t, [*START, 0, 0, 0], HORIZON)
+        free = fly(t, [*START, 0, 0, 0], HORIZON)
         effect = np.stack(
-            [flown(t, [*START, *e], HORIZON)[3:] - free[3:] for e in np.eye(3)], axis=1
+            [fly(t, [*START, *e], HORIZON)[3:] - free[3:] for e in np.eye(3)], axis=1
         )
         p = -unit * np.linalg.solve(effect, free[3:])
         found = magnetic.lqr_costate(
@@ -221,7 +221,7 @@ def test_between_the_nodes_the_error_is_bounded(tables):
         )  # at a node: the node
 
 
-def flown(law, h=START, n_con=PUSHED, horizon=HORIZON):
+def fly(law, h=START, n_con=PUSHED, horizon=HORIZON):
     """h(t_f), eq. 10's cost and eq. 32's energy of dipole = law(t, h), continuous."""
 
     def slope(t, y):
@@ -256,9 +256,9 @@ def ilqr(t, h):
 
 
 def test_lqr_has_the_least_cost(tables):
-    _, best, _ = flown(lqr_of(tables))
+    _, best, _ = fly(lqr_of(tables))
     fine = offline.gains(field, NADIR, WEIGHT, R, PUSHED, np.linspace(0, HORIZON, 601))
-    _, exact, _ = flown(lqr_of(fine))
+    _, exact, _ = fly(lqr_of(fine))
     assert best == pytest.approx(exact, rel=2e-5)  # what the table's few rows cost
     assert best > exact * (1 - 1e-7)
     for other in (
@@ -267,7 +267,7 @@ def test_lqr_has_the_least_cost(tables):
         lqr_of(tables, 1.1),
         lqr_of(tables, 1.0, 0.0),
     ):
-        assert flown(other)[1] > best * 1.0005
+        assert fly(other)[1] > best * 1.0005
 
 
 @given(vector, vector, st.tuples(*[st.floats(0.5, 2.0)] * 3), st.floats(600.0, 6000.0))
@@ -288,9 +288,9 @@ def test_mec_reaches_its_end(end, n_con, r, horizon):
 
 def test_mec_needs_the_least_energy(tables):
     for law in (lqr_of(tables), ilqr, lqr_of(tables, 3.0)):
-        end, _, energy = flown(law)
+        end, _, energy = fly(law)
         p = offline.costate(field, NADIR, ONES, PUSHED, START, end, HORIZON)
-        again, _, least = flown(
+        again, _, least = fly(
             lambda t, h, p=p: magnetic.dipole(
                 magnetic.mec_costate(tuple(p), tuple(NADIR), t), field(t), ONES
             )
@@ -391,11 +391,11 @@ def test_the_clock_of_a_design_starts_with_enable_and_ends_with_its_horizon():
     block.enable = True
     for k in range(1, 11):
         block.advance(10.0 * k, 10.0)
-        asked = magnetic.dipole(
+        requests = magnetic.dipole(
             magnetic.mec_costate(p, tuple(NADIR), 10.0 * (k - 1)), block.b_body, ONES
         )
-        assert block.m_cmd_body == pytest.approx(np.clip(asked, -8, 8), abs=1e-12)
-        assert max(map(abs, asked)) > 8.0
+        assert block.m_cmd_body == pytest.approx(np.clip(requests, -8, 8), abs=1e-12)
+        assert max(map(abs, requests)) > 8.0
         assert block.mode == 1
     block.advance(110.0, 10.0)
     assert (block.mode, block.m_cmd_body) == (0, (0.0, 0.0, 0.0))
@@ -468,7 +468,7 @@ def test_off_nadir_the_constant_torque_must_be_known(values):
     assert final["lqr-blind"] > 0.06
 
 
-def kept(name):
+def stored_design(name):
     """The file of a scenario's design."""
     return tomllib.loads(find(name).design.read_text(encoding="utf-8"))
 
@@ -485,14 +485,14 @@ def cost(name, f, **overrides):
 
 @pytest.mark.real_units
 def test_lqr_costs_less_than_ilqr_and_than_itself_without_g():
-    tuned = kept("uosat12/fig2-lqr-1")["tuned"]["momentum_weight"]
+    tuned = stored_design("uosat12/fig2-lqr-1")["tuned"]["momentum_weight"]
     ilqr = cost(
         "uosat12/fig2-ilqr-1", tuned, **{"manager.momentum_weight": [tuned] * 3}
     )
     assert cost("uosat12/fig2-lqr-1", tuned) < 0.99 * ilqr
     f = find("uosat12/fig2-offnadir-lqr-blind").content.design.momentum_weight[0]
     assert f == pytest.approx(
-        kept("uosat12/fig2-offnadir-lqr")["tuned"]["momentum_weight"], 1e-6
+        stored_design("uosat12/fig2-offnadir-lqr")["tuned"]["momentum_weight"], 1e-6
     )
     assert cost("uosat12/fig2-offnadir-lqr", f) < cost(
         "uosat12/fig2-offnadir-lqr-blind", f
@@ -527,13 +527,13 @@ def test_in_flight_feedback_keeps_what_open_loop_loses(start):
 )
 def test_the_kept_design_is_what_the_command_computes(name):
     scenario = find(f"uosat12/{name}")
-    made = design_module.design(scenario)
-    text = design_module.text(scenario, made)
+    result = design_module.design(scenario)
+    text = design_module.text(scenario, result)
     if name == "fig2-mec-1":  # the others take seconds each
         assert text == design_module.text(scenario, design_module.design(scenario))
-    file = kept(scenario.name)["parameters"]["manager"]
-    assert list(file) == list(made.parameters)
-    for key, value in made.parameters.items():
+    file = stored_design(scenario.name)["parameters"]["manager"]
+    assert list(file) == list(result.parameters)
+    for key, value in result.parameters.items():
         assert np.asarray(file[key]) == pytest.approx(
             np.asarray(value), rel=1e-8, abs=1e-8
         )
@@ -552,9 +552,9 @@ def command(monkeypatch, tmp_path):
     changed."""
 
     def run(name, *arguments, manager=(), **changes):
-        def changed(wanted):
-            scenario = find(wanted)
-            if wanted != f"uosat12/{name}" or not (changes or manager):
+        def changed(expected):
+            scenario = find(expected)
+            if expected != f"uosat12/{name}" or not (changes or manager):
                 return scenario
             table = {
                 k: v

@@ -73,8 +73,8 @@ class FunctionInstance:
         self.x = self.spec.get("g", lambda u, x, t, dt: x)(u, self.x, t, dt)
         return self.spec.get("status", lambda t: 0)(t)
 
-    def failed(self, what: str, status: int) -> ComponentError:
-        return ComponentError(f"{self.name}: {what}: {status}")
+    def failed(self, fault: str, status: int) -> ComponentError:
+        return ComponentError(f"{self.name}: {fault}: {status}")
 
     def close(self) -> None:
         pass
@@ -266,7 +266,7 @@ def test_undeclared_outputs_in_a_circle_are_late_with_a_warning():
         "a declares no dependencies: undeclared_y may depend on every input and are taken one "
         "step late, as they close a circle" in (checked.warnings[0])
     )
-    assert {when for _, when in checked.schedule.timing} == {
+    assert {moment for _, moment in checked.schedule.timing} == {
         "one step late",
         "over the step",
     }
@@ -376,12 +376,12 @@ BITWISE = [
 def looked_at(name: str, algorithm: str) -> int:
     """Steps of a scenario: a bare block that searches by flights of a model takes 10 s
     for 300 on a quiet machine; of those one with a gyro and one without are flown over
-    twenty searches, the others, which differ from these in parameters alone, over
-    four."""
+    ten searches, the others, which differ from these in parameters alone, over
+    two."""
     searches = name.startswith("hausat2/rollout-")
-    whole = ("hausat2/rollout-gyro", "hausat2/rollout-no-gyro")
-    is_whole = name in whole and algorithm == "gauss_seidel"
-    return (200 if is_whole else 40) if searches else 300
+    full = ("hausat2/rollout-gyro", "hausat2/rollout-no-gyro")
+    is_whole = name in full and algorithm == "gauss_seidel"
+    return (100 if is_whole else 20) if searches else 300
 
 
 # what jacobi changes is the way of the values alone

@@ -52,11 +52,11 @@ def path(name: str, kind: str = "native") -> Path:
 # --- an FMU beside its block ----------------------------------------------------------
 
 
-class Beside:
+class Pair:
     """An FMU through fmpy, beside the block that it is made of."""
 
     def __init__(self, fmu: Path, block: Block, folder: Path | None = None) -> None:
-        self.block, self.said = block, []
+        self.block, self.messages = block, []
         description = fmpy.read_model_description(fmu)
         self.references: dict[str, list[int]] = {}
         for v in description.modelVariables:
@@ -71,7 +71,7 @@ class Beside:
         )
         callbacks = fmi2CallbackFunctions()
         callbacks.logger = fmi2CallbackLoggerTYPE(
-            lambda *given: self.said.append(given[-1].decode())
+            lambda *values: self.messages.append(values[-1].decode())
         )
         self.fmu.instantiate(callbacks=callbacks, loggingOn=True)
 
@@ -182,23 +182,26 @@ def test_block_and_both_fmus_are_bitwise_alike(name, seed):
     if rng.random() < 0.7:
         randomise_parameters(block, rng)
     randomise_inputs(block, rng)
-    both = [Beside(path(name, kind), block) for kind in KINDS]
+    both = [Pair(path(name, kind), block) for kind in KINDS]
     try:
         for i in both:
             i.fmu.setupExperiment(startTime=0.0)
             i.fmu.enterInitializationMode()
             i.give("parameter", "input")
             i.fmu.exitInitializationMode()
-        said = _error(lambda: (block.check(), block.start(), block.output(0.0)))
+        message = _error(lambda: (block.check(), block.start(), block.output(0.0)))
         t, dt = 0.0, rng.choice([1.0, 0.5, 0.1, 5.0])
         for _ in range(15):
             for i in both:
-                assert i.failed() == bool(said), said
-                if said:
-                    assert i.said[-1].rpartition(f": {said}")[1], (i.said, said)
+                assert i.failed() == bool(message), message
+                if message:
+                    assert i.messages[-1].rpartition(f": {message}")[1], (
+                        i.messages,
+                        message,
+                    )
                 else:
                     assert i.outputs() == outputs(block)
-            if said:
+            if message:
                 return
             if rng.random() < 0.7:
                 randomise_inputs(block, rng)
@@ -213,7 +216,7 @@ def test_block_and_both_fmus_are_bitwise_alike(name, seed):
                 i.give("input")
                 i.step(t, dt)
             now = t
-            said = _error(lambda: (block.advance(now, dt), block.output(now + dt)))  # noqa: B023
+            message = _error(lambda: (block.advance(now, dt), block.output(now + dt)))  # noqa: B023
             t += dt
     finally:
         for i in both:
@@ -226,7 +229,7 @@ def test_a_saved_state_goes_on_in_another_library(name, tmp_path):
     block = registry.block_class(name)()
     with zipfile.ZipFile(path(name)) as archive:
         archive.extractall(tmp_path)
-    a, b = Beside(path(name), block), Beside(path(name), block, tmp_path)
+    a, b = Pair(path(name), block), Pair(path(name), block, tmp_path)
     rng = random.Random(5)
     try:
         for i in (a, b):
@@ -258,12 +261,12 @@ def test_a_saved_state_goes_on_in_another_library(name, tmp_path):
 
 def test_every_block_is_native_but_the_pinned_ones():
     index = json.loads((paths.fmus() / build.INDEX).read_text(encoding="utf-8"))
-    made = {(e["kind"], e["name"]): e for e in index}
-    assert {n for kind, n in made if kind == "python"} == set(registry.names())
-    assert {n for kind, n in made if kind == "native"} == set(NATIVE), [
+    built = {(e["kind"], e["name"]): e for e in index}
+    assert {n for kind, n in built if kind == "python"} == set(registry.names())
+    assert {n for kind, n in built if kind == "native"} == set(NATIVE), [
         e["why"] for e in index if "why" in e
     ]
-    for (kind, name), e in made.items():
+    for (kind, name), e in built.items():
         data = (paths.fmus() / e["file"]).read_bytes()
         assert e["bytes"] == len(data)
         assert e["sha256"] == hashlib.sha256(data).hexdigest()
@@ -352,13 +355,13 @@ def test_a_plain_c_host_runs_all_of_them_in_an_empty_environment(tmp_path):
         ],
         check=True,
     )
-    given = []
+    inputs = []
     for name in NATIVE:
         folder = library.extract(path(name))
-        given.append(str(folder / "binaries" / native.platform() / f"{name}.so"))
-        given.append(fmpy.read_model_description(folder).guid)
+        inputs.append(str(folder / "binaries" / native.platform() / f"{name}.so"))
+        inputs.append(fmpy.read_model_description(folder).guid)
     done = subprocess.run(
-        ["/usr/bin/env", "-i", str(host), *given],
+        ["/usr/bin/env", "-i", str(host), *inputs],
         capture_output=True,
         text=True,
         check=False,
@@ -369,7 +372,7 @@ def test_a_plain_c_host_runs_all_of_them_in_an_empty_environment(tmp_path):
         done.stdout + done.stderr
     )
     needed = subprocess.run(
-        ["ldd", given[0]], capture_output=True, text=True, check=False
+        ["ldd", inputs[0]], capture_output=True, text=True, check=False
     ).stdout
     if needed:
         assert "python" not in needed
@@ -407,11 +410,11 @@ OUT_OF_ORDER = {
 
 def test_wrong_calls_are_answered():
     block = registry.block_class("torquers")()
-    i = Beside(path("torquers"), block)
+    i = Pair(path("torquers"), block)
     try:
         with pytest.raises(fmpy.fmi1.FMICallException):
             i.fmu.doStep(0.0, 1.0)  # before initialisation
-        assert "a step outside step mode" in i.said[-1]
+        assert "a step outside step mode" in i.messages[-1]
         for call in (
             lambda: i.fmu.getReal([9999]),
             lambda: i.fmu.setReal([9999], [1.0]),
@@ -424,8 +427,8 @@ def test_wrong_calls_are_answered():
         assert not i.failed()
     finally:
         i.free()
-    for call, said in OUT_OF_ORDER.values():
-        i = Beside(path("torquers"), block)
+    for call, message in OUT_OF_ORDER.values():
+        i = Pair(path("torquers"), block)
         i.fmu.setupExperiment(startTime=0.0)
         i.fmu.enterInitializationMode()
         i.fmu.exitInitializationMode()
@@ -433,7 +436,7 @@ def test_wrong_calls_are_answered():
         assert not i.failed()
         with pytest.raises(fmpy.fmi1.FMICallException):
             call(i.fmu, {name: of[0] for name, of in i.references.items()})
-        assert said in i.said[-1]
+        assert message in i.messages[-1]
         i.fmu.reset()
         assert not i.failed()
         i.free()
@@ -577,7 +580,7 @@ class Tried(Block):
 
 
 @pytest.fixture
-def made(tmp_path):
+def built(tmp_path):
     """A block of source text, as a file of somebody's own."""
     count = 0
 
@@ -595,7 +598,7 @@ def made(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("body", "what"),
+    ("body", "fault"),
     [
         ("rows = {1: self.x}", "a dict"),
         ("rows = {self.x}", "a set"),
@@ -686,12 +689,12 @@ def made(tmp_path):
         ),
     ],
 )
-def test_what_leaves_the_subset_is_refused_with_its_place(made, body, what):
+def test_what_leaves_the_subset_is_refused_with_its_place(built, body, fault):
     with pytest.raises(SubsetError) as caught:
-        program.translate(made(body), "tried", "")
+        program.translate(built(body), "tried", "")
     text = str(caught.value)
     assert text.startswith("tried1.py:"), text
-    assert what in text
+    assert fault in text
     assert text.count(": ") >= 2, "the place, what, and what to write instead"
 
 
@@ -800,10 +803,10 @@ ALIKE = (
 
 
 @pytest.mark.parametrize("body", ALIKE)
-def test_order_and_objects_are_pythons(made, tmp_path, shared, body):
-    block = made(body)()
+def test_order_and_objects_are_pythons(built, tmp_path, shared, body):
+    block = built(body)()
     folder = compiled(type(block), tmp_path, shared)
-    i = Beside(folder, block, folder)
+    i = Pair(folder, block, folder)
     i.fmu.setupExperiment(startTime=0.0)
     i.fmu.enterInitializationMode()
     i.fmu.exitInitializationMode()
@@ -814,37 +817,37 @@ def test_order_and_objects_are_pythons(made, tmp_path, shared, body):
         block.x, block.y, block.n = x, y, n
         block.start()
         i.fmu.setFMUstate(state)
-        i.said.clear()
+        i.messages.clear()
         i.give("input")
         i.step(0.0, 1.0)
-        said = _error(lambda: block.advance(0.0, 1.0))
-        assert i.failed() == bool(said), (x, y, n, said, i.said)
-        if said:
-            assert i.said[-1].endswith(said), (x, y, n)
+        message = _error(lambda: block.advance(0.0, 1.0))
+        assert i.failed() == bool(message), (x, y, n, message, i.messages)
+        if message:
+            assert i.messages[-1].endswith(message), (x, y, n)
         else:
             assert i.outputs() == outputs(block), (x, y, n)
     i.free()
 
 
-def test_states_and_phases_of_another_kind_are_refused(made, tmp_path, shared):
+def test_states_and_phases_of_another_kind_are_refused(built, tmp_path, shared):
     """A state of another FMU; a step without initialisation, by which nothing has
     started; an integer that FMI 2.0 does not have; no strings at all are no failure."""
     instances = []
     for k, body in enumerate(
         ("self.k = 1 << 40", "self.a = (self.x, self._u, 1.0)\nself.k = 2")
     ):
-        block = made(body)()
+        block = built(body)()
         place = tmp_path / str(k)
         place.mkdir()
         folder = compiled(type(block), place, shared, guid=f"{{{k}}}")
-        instances.append(Beside(folder, block, folder))
+        instances.append(Pair(folder, block, folder))
     one, other = instances
     assert other.fmu.getString([]) == []
     for i in instances:
         i.fmu.setupExperiment(startTime=0.0)
     with pytest.raises(fmpy.fmi1.FMICallException):
         other.fmu.exitInitializationMode()
-    assert other.said[-1].endswith(
+    assert other.messages[-1].endswith(
         "leave initialisation: RuntimeError: it was not entered"
     )
     other.fmu.reset()
@@ -853,18 +856,18 @@ def test_states_and_phases_of_another_kind_are_refused(made, tmp_path, shared):
         i.fmu.exitInitializationMode()
     with pytest.raises(fmpy.fmi1.FMICallException):
         other.fmu.setFMUstate(one.fmu.getFMUstate())
-    assert "this is no state of this FMU" in other.said[-1]
+    assert "this is no state of this FMU" in other.messages[-1]
     one.step(0.0, 1.0)
     with pytest.raises(fmpy.fmi1.FMICallException):
         one.fmu.getInteger(one.references["k"])
-    assert "beyond 32 bits" in one.said[-1]
+    assert "beyond 32 bits" in one.messages[-1]
     for i in instances:
         i.free()
 
 
-def test_what_has_no_end_is_ended(made, tmp_path, shared):
+def test_what_has_no_end_is_ended(built, tmp_path, shared):
     """Recursion, before it takes the host's stack; integers that no double has."""
-    for body, n, said in (
+    for body, n, message in (
         (
             "self.a = (self.deep(self.n), 0.0, 0.0)",
             10**8,
@@ -877,11 +880,11 @@ def test_what_has_no_end_is_ended(made, tmp_path, shared):
         ),
         ("k = self.n * 9007199254740993\nself.a = (k / 3, 0.0, 0.0)", 1, "64 bits"),
     ):
-        block = made(body)()
+        block = built(body)()
         place = tmp_path / str(len(list(tmp_path.iterdir())))
         place.mkdir()
         folder = compiled(type(block), place, shared)
-        i = Beside(folder, block, folder)
+        i = Pair(folder, block, folder)
         i.fmu.setupExperiment(startTime=0.0)
         i.fmu.enterInitializationMode()
         i.fmu.exitInitializationMode()
@@ -889,14 +892,14 @@ def test_what_has_no_end_is_ended(made, tmp_path, shared):
         i.give("input")
         i.step(0.0, 1.0)
         assert i.failed()
-        assert said in i.said[-1]
+        assert message in i.messages[-1]
         i.free()
 
 
-def test_arithmetic_and_texts_are_pythons(made, tmp_path, shared):
+def test_arithmetic_and_texts_are_pythons(built, tmp_path, shared):
     """Powers, remainders, roundings, roots, indices, formats: values, failures and
     their texts."""
-    block_class = made(ARITHMETIC)
+    block_class = built(ARITHMETIC)
     folder = compiled(block_class, tmp_path, shared)
     rng = random.Random(11)
     cases = [(x, y) for x in NUMBERS for y in NUMBERS]
@@ -905,7 +908,7 @@ def test_arithmetic_and_texts_are_pythons(made, tmp_path, shared):
         for _ in range(400)
     ]
     block = block_class()
-    i = Beside(folder, block, folder)
+    i = Pair(folder, block, folder)
     i.fmu.setupExperiment(startTime=0.0)
     i.fmu.enterInitializationMode()
     i.fmu.exitInitializationMode()
@@ -915,22 +918,22 @@ def test_arithmetic_and_texts_are_pythons(made, tmp_path, shared):
         for n in range(8):
             block.x, block.y, block.n = x, y, n
             i.fmu.setFMUstate(state)
-            i.said.clear()
+            i.messages.clear()
             i.give("input")
             i.step(0.0, 1.0)
-            said = _error(lambda: block.advance(0.0, 1.0))
+            message = _error(lambda: block.advance(0.0, 1.0))
             if n == 0 and -math.inf < x < 0.0 and abs(y) < 1e15 and y != math.floor(y):
                 # Python goes on with a complex number
-                said = "ValueError: a negative number to a fractional power"
-            if i.failed() and i.said[-1].endswith(
+                message = "ValueError: a negative number to a fractional power"
+            if i.failed() and i.messages[-1].endswith(
                 "OverflowError: an integer beyond 64 bits"
             ):
                 assert not -(2**62) < x < 2**62  # refused, never wrong
                 refused += 1
                 continue
-            assert i.failed() == bool(said), (x, y, n, said, i.said)
-            if said:
-                assert i.said[-1].endswith(said), (x, y, n)
+            assert i.failed() == bool(message), (x, y, n, message, i.messages)
+            if message:
+                assert i.messages[-1].endswith(message), (x, y, n)
             else:
                 assert i.outputs() == outputs(block), (x, y, n)
     assert 0 < refused < len(cases)
@@ -955,15 +958,15 @@ SANE = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 def sanitized(names: Sequence[str], folder: Path) -> dict[str, str]:
     """What AddressSanitizer and UBSan, or the host of the other test, say of the C of
     blocks."""
-    kept = [f for f in native.FLAGS if f not in ("-O3", "-fvisibility=hidden")]
-    build = [*compiler(), *kept, "-g", "-w", "-std=gnu11", *SANE]
+    saved = [f for f in native.FLAGS if f not in ("-O3", "-fvisibility=hidden")]
+    build = [*compiler(), *saved, "-g", "-w", "-std=gnu11", *SANE]
     host = (
         (HERE / "host.c")
         .read_text()
         .replace("dlopen(path, RTLD_NOW)", "dlopen(0, RTLD_NOW)")
     )
     (folder / "host.c").write_text("#define _GNU_SOURCE\n" + host)
-    said = {}
+    stated = {}
     for name in names:
         files, guid = native.sources(name)
         for file, text in files.items():
@@ -984,8 +987,8 @@ def sanitized(names: Sequence[str], folder: Path) -> dict[str, str]:
             check=False,
         )
         if ran.stdout.splitlines()[-1:] != ["1 FMUs"]:
-            said[name] = ran.stdout + ran.stderr
-    return said
+            stated[name] = ran.stdout + ran.stderr
+    return stated
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the sanitizers of gcc or clang")

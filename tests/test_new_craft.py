@@ -65,7 +65,7 @@ def twelve(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_command_writes_what_runs_from_its_folder(desat, tmp_path: Path) -> None:
-    made = desat(
+    result = desat(
         "new",
         "craft",
         "mine",
@@ -77,7 +77,7 @@ def test_the_command_writes_what_runs_from_its_folder(desat, tmp_path: Path) -> 
         check=True,
     )
     assert (
-        made.stdout.splitlines()[0]
+        result.stdout.splitlines()[0]
         == "mine: craft.toml, nominal.toml, worst.toml, detumbling.toml"
     )
     # of the first minute alone the start is too much: its requirement would not be met
@@ -91,13 +91,13 @@ def test_the_command_writes_what_runs_from_its_folder(desat, tmp_path: Path) -> 
 
 @pytest.mark.parametrize("scenario", SCENARIOS)
 @pytest.mark.parametrize(
-    "wanted", [TWELVE, AGILE, CraftFacts()], ids=["12u", "agile", "class"]
+    "expected", [TWELVE, AGILE, CraftFacts()], ids=["12u", "agile", "class"]
 )
 def test_each_scenario_is_sound(
-    tmp_path: Path, wanted: CraftFacts, scenario: str
+    tmp_path: Path, expected: CraftFacts, scenario: str
 ) -> None:
     folder = tmp_path / "mine"
-    write(folder, wanted, "desat new craft mine")
+    write(folder, expected, "desat new craft mine")
     case = prepare(str(folder / f"{scenario}.toml"), Options())
     system, _ = case.or_raise()
     text = "\n".join(case.checked.warnings)
@@ -118,7 +118,7 @@ GTO = CraftFacts(
 
 
 @pytest.mark.parametrize(
-    "wanted",
+    "expected",
     [
         GTO,
         replace(GTO, mass="300kg", dump="thrusters 80:20"),
@@ -128,9 +128,9 @@ GTO = CraftFacts(
     ],
     ids=["2 s", "lighter", "given 2 s", "given 2.5 s", "given 0.4 s"],
 )
-def test_thrusters_sample_at_whole_steps(tmp_path: Path, wanted: CraftFacts) -> None:
+def test_thrusters_sample_at_whole_steps(tmp_path: Path, expected: CraftFacts) -> None:
     folder = tmp_path / "mine"
-    write(folder, wanted, "desat new craft mine")
+    write(folder, expected, "desat new craft mine")
     for scenario in ("nominal", "worst"):
         system, _ = prepare(str(folder / f"{scenario}.toml"), Options()).or_raise()
         sample = system.components["thrusters"].values["sample_time"]
@@ -196,8 +196,8 @@ def test_the_worst_scenario_is_worse_in_all_that_it_names(
         assert ratio("spacecraft", "tau_disturbance_body") == pytest.approx(1.3)
     if "rows" in sources:
         assert ratio("disturbance", "factor") == pytest.approx(1.3)
-    q, wanted = (np.array(x["spacecraft"]["q_start_bi"]) for x in (worst, usual))
-    assert math.degrees(2.0 * math.acos(abs(q @ wanted))) == pytest.approx(
+    q, expected = (np.array(x["spacecraft"]["q_start_bi"]) for x in (worst, usual))
+    assert math.degrees(2.0 * math.acos(abs(q @ expected))) == pytest.approx(
         10.0, abs=0.01
     )
     wheels = worst["wheels"]
@@ -255,12 +255,12 @@ def test_the_torque_of_a_table_is_its_mean_over_time(tmp_path: Path) -> None:
     for name, (text, mean) in row.items():
         file = tmp_path / f"{name}.csv"
         file.write_text(text, encoding="utf-8")
-        for steady, beside in ((None, 0.0), ("2uNm", 2e-6)):
-            given = given_torque(CraftFacts(torque=f"{file} eci", secular=steady))
-            assert given is not None
-            assert given.size == pytest.approx(mean + beside, rel=1e-12, abs=1e-18), (
-                name
-            )
+        for steady, neighbour in ((None, 0.0), ("2uNm", 2e-6)):
+            inputs = given_torque(CraftFacts(torque=f"{file} eci", secular=steady))
+            assert inputs is not None
+            assert inputs.size == pytest.approx(
+                mean + neighbour, rel=1e-12, abs=1e-18
+            ), name
 
 
 def test_it_is_the_craft_that_was_asked_for(twelve: Path) -> None:
@@ -379,15 +379,15 @@ def test_what_wheels_must_hold_of_an_orbit_is_near_what_size_finds(
         "spacecraft.aerodynamics=none",
         "spacecraft.radiation=none",
     ]
-    made = size(
+    sizing = size(
         str(tmp_path / "mine"),
         Options(stop=20000.0, sets=sets),
         SizingRequirements(year=False, laws=False, flown=False),
     )
     with pytest.raises(DesatError, match="in and out of the fullest") as refused:
         write(tmp_path / "less", CraftFacts(**wish, wheels="3 axes 1mNms"), "")  # type: ignore[arg-type]
-    told = float(re.findall(r"turn ([\d.]+) mN m s", str(refused.value))[0]) * 1e-3
-    assert told == pytest.approx(made.wheel_needed, rel=0.1)
+    answer = float(re.findall(r"turn ([\d.]+) mN m s", str(refused.value))[0]) * 1e-3
+    assert answer == pytest.approx(sizing.wheel_needed, rel=0.1)
 
 
 def test_classes_grow_with_their_size() -> None:
@@ -399,7 +399,7 @@ def test_classes_grow_with_their_size() -> None:
 
 
 @pytest.mark.parametrize(
-    ("wanted", "told"),
+    ("expected", "message"),
     [
         (
             {"altitude": "400 km", "sso": "500km"},
@@ -446,15 +446,15 @@ def test_classes_grow_with_their_size() -> None:
     ],
 )
 def test_what_cannot_be_is_refused(
-    tmp_path: Path, wanted: dict[str, object], told: str
+    tmp_path: Path, expected: dict[str, object], message: str
 ) -> None:
-    with pytest.raises(DesatError, match=told):
-        write(tmp_path / "mine", CraftFacts(**wanted), "")  # type: ignore[arg-type]
+    with pytest.raises(DesatError, match=message):
+        write(tmp_path / "mine", CraftFacts(**expected), "")  # type: ignore[arg-type]
     assert not (tmp_path / "mine").exists()
 
 
 @pytest.mark.parametrize(
-    ("target", "more", "code", "told"),
+    ("target", "more", "code", "message"),
     [
         ("mine", (), 0, ""),
         ("alone", ("--stop", "3"), 0, ""),
@@ -482,14 +482,14 @@ def test_what_cannot_be_is_refused(
     ],
 )
 def test_what_is_mistyped_is_answered_with_what_was_meant(
-    desat, tmp_path: Path, target: str, more: tuple[str, ...], code: int, told: str
+    desat, tmp_path: Path, target: str, more: tuple[str, ...], code: int, message: str
 ) -> None:
     write(tmp_path / "mine", TWELVE, "")
     (tmp_path / "alone.toml").write_text('extends = "nadir_day/day-dipole"\n')
     arguments = more if "--stop" in more else ("--stop", "3", *more)
-    made = desat("run", target, *arguments, cwd=tmp_path)
-    assert made.returncode == code, made.stderr
-    assert told in made.stderr
+    result = desat("run", target, *arguments, cwd=tmp_path)
+    assert result.returncode == code, result.stderr
+    assert message in result.stderr
 
 
 def test_blocks_are_told(desat) -> None:
@@ -505,14 +505,16 @@ def test_blocks_are_told(desat) -> None:
     assert rows["speed_limit"]["allowed"] == ">= 0.001"
     assert rows["command_mode"]["allowed"] == "torque, speed"
     assert "Reaction wheels" in one["text"]
-    told = desat("help", "blocks", "manager_combined", check=True).stdout
-    assert "thrusters that take its command" in told
+    outcome = desat("help", "blocks", "manager_combined", check=True).stdout
+    assert "thrusters that take its command" in outcome
     assert (
         "Law: ocdc (law = ilqr, split = ocdc, g_rate = craft.rate, weight_ratio = 1 /"
-        in told
+        in outcome
     )
-    told = desat("help", "blocks", "manager_b_dot", check=True).stdout
-    assert "No law that holds the wheels' momentum: it brakes a tumbling craft" in told
+    outcome = desat("help", "blocks", "manager_b_dot", check=True).stdout
+    assert (
+        "No law that holds the wheels' momentum: it brakes a tumbling craft" in outcome
+    )
     wrong = desat("help", "blocks", "wheel")
     assert wrong.returncode == 2
     assert wrong.stderr == "error: wheel: no block and no role; did you mean wheels?\n"
@@ -522,20 +524,20 @@ def test_standard_numbers_and_plots_come_from_the_roles(desat, tmp_path):
     """Not from the craft's files, nor from another craft; what a file gives besides is
     merged."""
     desat("new", "craft", "mine", "--thrusters", "4 1N", cwd=tmp_path, check=True)
-    own = (tmp_path / "mine" / "nominal.toml").read_text()
-    assert "[numbers" not in own
-    assert "[plots" not in own
-    told = desat(
+    own_value = (tmp_path / "mine" / "nominal.toml").read_text()
+    assert "[numbers" not in own_value
+    assert "[plots" not in own_value
+    outcome = desat(
         "show",
         str(tmp_path / "mine" / "worst.toml"),
         "--json",
         cwd=tmp_path,
         check=True,
     )
-    by_key = {row["key"]: row for row in json.loads(told.stdout)}
+    by_key = {row["key"]: row for row in json.loads(outcome.stdout)}
     assert by_key["numbers.pointing.measure"]["from"].endswith("roles/manager.toml")
     assert by_key["numbers.propellant.unit"]["from"].endswith("roles/thrusters.toml")
-    made = desat(
+    result = desat(
         "run",
         "mine",
         "--stop",
@@ -545,7 +547,7 @@ def test_standard_numbers_and_plots_come_from_the_roles(desat, tmp_path):
         cwd=tmp_path,
         check=True,
     )
-    numbers = json.loads(made.stdout)["numbers"]
+    numbers = json.loads(result.stdout)["numbers"]
     assert {
         "pointing",
         "largest_momentum",
@@ -554,7 +556,7 @@ def test_standard_numbers_and_plots_come_from_the_roles(desat, tmp_path):
         "propellant",
     } <= (numbers.keys())
     file = tmp_path / "mine" / "nominal.toml"
-    file.write_text(own.replace('"roles/manager", ', '"roles/manger", '))
+    file.write_text(own_value.replace('"roles/manager", ', '"roles/manger", '))
     wrong = desat("check", "mine", cwd=tmp_path)
     assert (
         "extends: no roles/manger; did you mean manager?" in wrong.stdout + wrong.stderr
@@ -564,9 +566,9 @@ def test_standard_numbers_and_plots_come_from_the_roles(desat, tmp_path):
 def test_what_is_made_of_a_crafts_scenario_has_its_name(desat, tmp_path):
     """Two crafts' bad days wrote runs/worst and runs/worst-2."""
     desat("new", "craft", "mine", cwd=tmp_path, check=True)
-    made = desat("run", "mine/worst.toml", "--stop", "20", cwd=tmp_path)
-    assert "runs/mine-worst/report.html" in made.stdout
-    made = desat("run", "mine", "--stop", "20", cwd=tmp_path)
-    assert "runs/mine/report.html" in made.stdout
+    result = desat("run", "mine/worst.toml", "--stop", "20", cwd=tmp_path)
+    assert "runs/mine-worst/report.html" in result.stdout
+    result = desat("run", "mine", "--stop", "20", cwd=tmp_path)
+    assert "runs/mine/report.html" in result.stdout
     shown = desat("show", "mine", cwd=tmp_path, check=True)
     assert "parameters.manager.gain" in shown.stdout

@@ -30,7 +30,7 @@ SOME = COMMON.replace("1200", "300") + "parameters.manager.rate_limit = 0.075\n"
 
 
 @pytest.fixture
-def own(tmp_path):
+def own_scenario(tmp_path):
     """Write a scenario of one's own; its path."""
 
     def write(text: str) -> str:
@@ -41,19 +41,24 @@ def own(tmp_path):
     return write
 
 
-def test_a_run_that_never_slows_says_so(desat, own, tmp_path):
-    run = execute(own(NEVER), Options(blocks=True))
+def test_a_run_that_never_slows_says_so(desat, own_scenario, tmp_path):
+    run = execute(own_scenario(NEVER), Options(blocks=True))
     assert run.manifest["numbers"]["detumbled"]["value"] is None
-    said = desat(
-        "run", own(NEVER), "--blocks", "--out", str(tmp_path / "run"), check=True
+    outcome = desat(
+        "run",
+        own_scenario(NEVER),
+        "--blocks",
+        "--out",
+        str(tmp_path / "run"),
+        check=True,
     ).stdout
-    assert re.search(r"below 0.003 rad/s at once .*not reached", said), said
+    assert re.search(r"below 0.003 rad/s at once .*not reached", outcome), outcome
 
 
-def test_cases_that_never_slow_say_so_with_their_share(desat, own, tmp_path):
-    said = desat(
+def test_cases_that_never_slow_say_so_with_their_share(desat, own_scenario, tmp_path):
+    outcome = desat(
         "campaign",
-        own(NEVER),
+        own_scenario(NEVER),
         "-n",
         "4",
         "--blocks",
@@ -63,17 +68,17 @@ def test_cases_that_never_slow_say_so_with_their_share(desat, own, tmp_path):
         cwd=tmp_path,
         check=True,
     ).stdout
-    line = next(x for x in said.splitlines() if "4 of 4 (100 %)" in x)
+    line = next(x for x in outcome.splitlines() if "4 of 4 (100 %)" in x)
     assert line.count("not reached") == 5, "median, shares, and the ends"
     assert "20.00" not in line
 
 
-def test_some_that_are_not_reached_are_later_than_all_others(own):
-    told = draws(own(SOME), 4, 1, Options(blocks=True), jobs=1).to_json()
-    each = [row["numbers"]["detumbled"] for row in told["draws"]]
+def test_some_that_are_not_reached_are_later_than_all_others(own_scenario):
+    answer = draws(own_scenario(SOME), 4, 1, Options(blocks=True), jobs=1).to_json()
+    each = [row["numbers"]["detumbled"] for row in answer["draws"]]
     there = sorted(x for x in each if x is not None)
     assert 0 < len(there) < 4
-    entry = told["summary"]["detumbled"]
+    entry = answer["summary"]["detumbled"]
     assert (entry["n"], entry["not_reached"]) == (len(there), 4 - len(there))
     assert entry["min"] == there[0]
     assert entry["max"] is None, "the slowest of all is not there"
@@ -82,10 +87,10 @@ def test_some_that_are_not_reached_are_later_than_all_others(own):
     assert entry["median"] == (None if math.isinf(middle) else middle)
 
 
-def test_a_sweep_has_the_share(desat, own):
-    said = desat(
+def test_a_sweep_has_the_share(desat, own_scenario):
+    outcome = desat(
         "sweep",
-        own(COMMON),
+        own_scenario(COMMON),
         "manager.rate_limit=1e-9,0.14",
         "--samples",
         "4",
@@ -95,29 +100,29 @@ def test_a_sweep_has_the_share(desat, own):
         check=True,
     ).stdout
     row = next(
-        x for x in said.splitlines() if x.startswith("detumbled") or "detumbled" in x
+        x for x in outcome.splitlines() if x.startswith("detumbled") or "detumbled" in x
     )
-    assert "not reached (not reached: 4 of 4 (100 %))" in said, said
+    assert "not reached (not reached: 4 of 4 (100 %))" in outcome, outcome
     assert row.count("4 of 4") <= 1
 
 
 def test_every_measure_of_a_time_is_late():
     """By its sentence: a measure that says when something is has no number where it
     never is."""
-    when = {
+    moment = {
         n
         for n, m in measures.MEASURES.items()
         if re.match(r"(When|After how)", m.__doc__)
     }
-    assert when == measures.LATE
+    assert moment == measures.LATE
 
 
 def test_medians_rank_what_is_not_reached():
     rows = [{"t": x, "y": x} for x in (3.0, None, 1.0, None, 2.0)]
-    told = {
+    results = {
         n: x.to_json() for n, x in spreads(rows, {"t": "s", "y": "s"}, {"t"}).items()
     }
-    assert told["t"] == {
+    assert results["t"] == {
         "unit": "s",
         "median": 3.0,
         "low": 1.0,
@@ -127,7 +132,7 @@ def test_medians_rank_what_is_not_reached():
         "n": 3,
         "not_reached": 2,
     }
-    assert (told["y"]["median"], told["y"]["max"]) == (2.0, 3.0), (
+    assert (results["y"]["median"], results["y"]["max"]) == (2.0, 3.0), (
         "no time: of those that have it"
     )
     diverged = [{"y": math.inf}] * 3
@@ -136,22 +141,22 @@ def test_medians_rank_what_is_not_reached():
 
 def test_percentiles_of_a_campaign_rank_it_too():
     values, cases = np.array([4.0, np.nan, 2.0, 3.0, np.nan, 1.0]), np.arange(10, 16)
-    told = report._number("t", {}, values, cases, True).to_json()
-    assert (told["min"], told["min_case"], told["n"], told["not_reached"]) == (
+    answer = report._number("t", {}, values, cases, True).to_json()
+    assert (answer["min"], answer["min_case"], answer["n"], answer["not_reached"]) == (
         1.0,
         15,
         4,
         2,
     )
-    assert told["median"] == 3.5
-    assert (told["p95"], told["p99"], told["max"], told["max_case"]) == (
+    assert answer["median"] == 3.5
+    assert (answer["p95"], answer["p99"], answer["max"], answer["max_case"]) == (
         None,
         None,
         None,
         11,
     )
-    told = report._number("y", {}, values, cases, False).to_json()
-    assert (told["median"], told["max"], told["max_case"]) == (2.5, 4.0, 10)
+    answer = report._number("y", {}, values, cases, False).to_json()
+    assert (answer["median"], answer["max"], answer["max_case"]) == (2.5, 4.0, 10)
 
 
 def test_a_row_of_a_table_is_not_within_where_a_draw_never_gets_there():
@@ -169,14 +174,14 @@ def test_a_row_of_a_table_is_not_within_where_a_draw_never_gets_there():
 
 def test_stored_draws_have_no_end_of_a_run_for_a_time():
     for family in ("alsat1", "hausat2", "integrated", "space_telescope"):
-        for name, kept in stored.read(family)["scenarios"].items():
+        for name, saved in stored.read(family)["scenarios"].items():
             scenario = find(name)
             for number in late(scenario.content):
                 entry = scenario.content.numbers[number]
-                if entry.unit not in ("s", "min") or number not in kept["units"]:
+                if entry.unit not in ("s", "min") or number not in saved["units"]:
                     continue
                 scale = 60.0 if entry.unit == "min" else 1.0
-                values = [d.numbers[number] for d in kept["draws"]]
+                values = [d.numbers[number] for d in saved["draws"]]
                 end = scenario.content.stop / scale
                 assert all(x is None or x < end for x in values), f"{name}: {number}"
 

@@ -54,8 +54,8 @@ def begin(block: Block, **parameters: object) -> Block:
 
 
 def propagation(**parameters: object) -> EnvironmentPropagated:
-    given = {"field": "none", "atmosphere": "none", "orbit_start": "osculating"}
-    return begin(EnvironmentPropagated(), **{**given, **parameters})
+    values = {"field": "none", "atmosphere": "none", "orbit_start": "osculating"}
+    return begin(EnvironmentPropagated(), **{**values, **parameters})
 
 
 def run(
@@ -366,9 +366,14 @@ def test_j2000_out(kind):
         air["epoch_tle_j2000"] = IN_2026 - 1000.0
         of_date, j2000 = (begin(kind(), **air, eci_frame=f) for f in ("date", "j2000"))
     else:
-        given = {**air, **ECCENTRIC, "orbit_frame": "date", "orbit_start": "osculating"}
+        values = {
+            **air,
+            **ECCENTRIC,
+            "orbit_frame": "date",
+            "orbit_start": "osculating",
+        }
         of_date, j2000 = (
-            begin(kind(), **given, eci_frame=f) for f in ("date", "j2000")
+            begin(kind(), **values, eci_frame=f) for f in ("date", "j2000")
         )
     for t in (0.0, 1234.5):
         of_date.output(t)
@@ -388,28 +393,28 @@ def test_j2000_out(kind):
 @pytest.mark.parametrize("kind", [EnvironmentKepler, EnvironmentPropagated])
 def test_j2000_in(kind, form):
     """The same orbit, given in either frame."""
-    given = {
+    values = {
         "field": "none",
         "epoch_j2000": IN_2026,
         "orbit_start": "osculating",
         **ECCENTRIC,
     }
-    of_date = begin(kind(), **given)
+    of_date = begin(kind(), **values)
     if form == "state":
         r, v = tuple(back(of_date.r_eci).tolist()), tuple(back(of_date.v_eci).tolist())
-        given |= {"orbit_start": "state", "r_start": r, "v_start": v}
+        values |= {"orbit_start": "state", "r_start": r, "v_start": v}
     else:
-        given |= orbit.turned(
+        values |= orbit.turned(
             orbit.Elements(*(ECCENTRIC[n] for n in orbit.Elements._fields)),
             tuple(np.array(earth.precession(IN_2026)).reshape(3, 3).T.ravel().tolist()),
         )._asdict()
-    in_j2000 = begin(kind(), **given, orbit_frame="j2000")
+    in_j2000 = begin(kind(), **values, orbit_frame="j2000")
     for t in (0.0, 5000.0):
         of_date.output(t)
         in_j2000.output(t)
         assert math.dist(in_j2000.r_eci, of_date.r_eci) < 1e-5
         assert math.dist(in_j2000.v_eci, of_date.v_eci) < 1e-8
-    both = begin(kind(), **given, eci_frame="j2000")  # eci itself: in and out
+    both = begin(kind(), **values, eci_frame="j2000")  # eci itself: in and out
     assert both.r_eci == pytest.approx(back(of_date.motion(0.0)[0]), abs=1e-5)
 
 
@@ -440,10 +445,10 @@ def test_turned_elements_are_of_the_turned_state(elements):
 
 @pytest.mark.parametrize("frame", ["date", "j2000"])
 def test_the_field_onboard_is_of_the_same_frame(frame):
-    given = {"epoch_j2000": IN_2026, "eci_frame": frame}
-    outside = begin(EnvironmentKepler(), **given)
+    values = {"epoch_j2000": IN_2026, "eci_frame": frame}
+    outside = begin(EnvironmentKepler(), **values)
     onboard = begin(
-        ManagerRecedingHorizon(), sample_time=10.0, field_model="igrf", **given
+        ManagerRecedingHorizon(), sample_time=10.0, field_model="igrf", **values
     )
     outside.output(700.0)
     found = onboard.field_eci(outside.r_eci, 700.0, igrf=True)
@@ -675,10 +680,10 @@ def test_a_force_that_moves_no_orbit_is_said(tmp_path):
         warnings = prepare(
             str(tmp_path / "mine.toml"), Options(blocks=True)
         ).checked.warnings
-        told = [
+        messages = [
             w for w in warnings if w.startswith("environment.force_mean_thruster_body")
         ]
-        assert [line in w for w in told] == ([] if line is None else [True])
+        assert [line in w for w in messages] == ([] if line is None else [True])
 
 
 def test_orbit_start_knows_the_frames():

@@ -30,9 +30,9 @@ QUICK = "--blocks --stop 3 --step 1 --substeps 1"
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
-    made = tmp_path_factory.mktemp("outputs")
-    commands.prepare(made)
-    return made
+    result = tmp_path_factory.mktemp("outputs")
+    commands.prepare(result)
+    return result
 
 
 WRITERS = {
@@ -51,8 +51,8 @@ def test_a_pipe_stays_and_nothing_is_computed(folder, line, monkeypatch):
     pipe = folder / "pipe"
     if not pipe.exists():
         os.mkfifo(pipe)
-    code, said = commands.ended(shlex.split(line.replace("OUT", "pipe")), folder)
-    assert (code, said) == (
+    code, message = commands.ended(shlex.split(line.replace("OUT", "pipe")), folder)
+    assert (code, message) == (
         2,
         f"error: {WRITERS[line]} pipe: not a regular file; nothing is written in its place\n",
     )
@@ -91,15 +91,15 @@ def test_what_is_planted_where_a_file_goes(tmp_path, line, kind):
         planted.symlink_to(target if kind == "link" else planted)
         if kind == "link":
             target.write_text("before")
-    code, said = commands.ended(shlex.split(line), tmp_path)
+    code, message = commands.ended(shlex.split(line), tmp_path)
     if kind == "link":
-        assert code == 0, said
+        assert code == 0, message
         assert planted.is_symlink()
         assert target.read_bytes() != b"before"
     else:
-        assert (code, said.count("\n")) == (2, 1), said
-        assert said.startswith("error: ")
-        assert planted.name in said
+        assert (code, message.count("\n")) == (2, 1), message
+        assert message.startswith("error: ")
+        assert planted.name in message
         is_kept = {"pipe": stat.S_ISFIFO, "folder": stat.S_ISDIR, "loop": stat.S_ISLNK}[
             kind
         ]
@@ -111,10 +111,10 @@ def test_what_is_planted_where_a_file_goes(tmp_path, line, kind):
 def test_a_loop_is_written_at_the_end_of_a_link(tmp_path):
     commands.prepare(tmp_path)
     (tmp_path / "link.fmu").symlink_to("real.fmu")
-    code, said = commands.ended(
+    code, message = commands.ended(
         ["export", "fmu", "mine", "--out", "link.fmu"], tmp_path
     )
-    assert code == 0, said
+    assert code == 0, message
     assert (tmp_path / "link.fmu").is_symlink()
     assert (tmp_path / "real.fmu").read_bytes()[:2] == b"PK"
 

@@ -145,7 +145,7 @@ def test_what_does_not_translate_runs_as_python_and_says_why(cache, tmp_path, de
 
 
 @pytest.mark.parametrize(
-    ("name", "old", "new", "said"),
+    ("name", "old", "new", "message"),
     [
         ("a-b.py", "", "", "a-b.py: its name becomes one of C: call it a_b.py"),
         (f"{OURS}.py", "", "", "a block of ours has this name"),
@@ -202,17 +202,17 @@ def test_what_does_not_translate_runs_as_python_and_says_why(cache, tmp_path, de
     ],
 )
 def test_what_is_refused_names_file_line_and_what_to_write(
-    tmp_path, name, old, new, said
+    tmp_path, name, old, new, message
 ):
     file = tmp_path / name
     (tmp_path / "beside.py").write_text("norm = len\n")
     file.write_text(LAW.replace(old, new) if old else LAW)
-    if not said:  # an import over two lines is taken
+    if not message:  # an import over two lines is taken
         assert block_file.block_class(str(file)).__name__ == "MyLaw"
         return
     with pytest.raises(DesatError) as caught:
         own.build(file)
-    assert said in str(caught.value)
+    assert message in str(caught.value)
     assert str(caught.value).startswith(name)
     assert "\n" not in str(caught.value)
 
@@ -232,8 +232,8 @@ def test_a_file_that_is_not_there_is_said(desat, tmp_path):
 def test_a_new_law_flies_and_its_own_test_holds(desat, cache, tmp_path):
     """It is native, has the bits of our cross product at the same gain, and its test
     can fail."""
-    made = desat("new", "law", "my_own", cwd=tmp_path, check=True)
-    assert made.stdout.splitlines()[0] == "my_own.py, test_my_own.py"
+    result = desat("new", "law", "my_own", cwd=tmp_path, check=True)
+    assert result.stdout.splitlines()[0] == "my_own.py, test_my_own.py"
     file = tmp_path / "my_own.py"
     built = own.build(file)
     assert built.native is not None, built.reason
@@ -246,7 +246,7 @@ def test_a_new_law_flies_and_its_own_test_holds(desat, cache, tmp_path):
     np.testing.assert_allclose(first, second, rtol=1e-9, atol=1e-15)
 
     def tested(*more: str) -> int:
-        given = [
+        inputs = [
             sys.executable,
             "-m",
             "pytest",
@@ -256,7 +256,7 @@ def test_a_new_law_flies_and_its_own_test_holds(desat, cache, tmp_path):
             "test_my_own.py",
         ]
         return subprocess.run(
-            [*given, *more], cwd=tmp_path, capture_output=True, timeout=60, check=False
+            [*inputs, *more], cwd=tmp_path, capture_output=True, timeout=60, check=False
         ).returncode
 
     assert tested() == 0
@@ -318,10 +318,10 @@ def test_a_new_sensor_flies_native_and_says_what_cannot_be(
     desat, cache, tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
-    told = desat(
+    outcome = desat(
         "new", "block", "rate_gyro", "mine", "--json", cwd=tmp_path, check=True
     )
-    assert json.loads(told.stdout)["files"] == ["mine.py", "test_mine.py"]
+    assert json.loads(outcome.stdout)["files"] == ["mine.py", "test_mine.py"]
     runs = [
         execute(TARGET, Options(stop=60.0, sources=sources), None)
         for sources in ([], ["gyro=mine.py"])
@@ -370,8 +370,8 @@ def test_an_output_that_is_never_assigned_is_refused(tmp_path, desat, begin):
     """It flew with zeros, or with what `start` gave."""
     file = tmp_path / "my_magnetometer.py"
     file.write_text(MAGNETOMETER.replace("BEGIN", begin))
-    given = TARGET, "--source", f"magnetometer={file}"
-    for command in (("build", str(file)), ("run", *given), ("check", *given)):
+    inputs = TARGET, "--source", f"magnetometer={file}"
+    for command in (("build", str(file)), ("run", *inputs), ("check", *inputs)):
         done = desat(*command, cwd=tmp_path)
         assert done.returncode == 2, (command, done.stderr)
         text = " ".join(done.stderr.split())
@@ -447,6 +447,6 @@ def test_a_spacecraft_of_ones_own_is_checked_by_what_it_declares(
         assert numbers["momentum_residual"].value < 1e-12
         assert numbers["energy_mismatch"].value < 1e-2
     else:
-        told = "\n".join(run.manifest.warnings)
-        assert "not checked: momentum_residual" in told
-        assert "declares no total momentum (momentum_eci)" in told
+        messages = "\n".join(run.manifest.warnings)
+        assert "not checked: momentum_residual" in messages
+        assert "declares no total momentum (momentum_eci)" in messages

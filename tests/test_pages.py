@@ -89,7 +89,7 @@ def test_series_compute():
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("{{ value.__globals__['importlib'] }}", "is unsafe"),
         ("{{ ''.__class__.__mro__ }}", "is unsafe"),
@@ -109,7 +109,7 @@ def test_series_compute():
         ("{{ data('../../../etc/x.json') }}", "it is outside"),
     ],
 )
-def test_a_template_reaches_nothing_but_its_verbs(tmp_path, monkeypatch, text, told):
+def test_a_template_reaches_nothing_but_its_verbs(tmp_path, monkeypatch, text, message):
     """One ran commands: `os.popen` was three attributes away from any verb."""
     folder = tmp_path / "nadir_day"
     (folder / "scenarios").mkdir(parents=True)
@@ -120,7 +120,7 @@ def test_a_template_reaches_nothing_but_its_verbs(tmp_path, monkeypatch, text, t
     )
     with pytest.raises(DesatError, match=r"page\.md:3: ") as caught:
         pages.write("nadir_day", tmp_path / "out", draft=60.0)
-    assert told in str(caught.value)
+    assert message in str(caught.value)
     assert not (tmp_path / "x").exists()
 
 
@@ -192,8 +192,8 @@ def written(monkeypatch, tmp_path):
         file = tmp_path / "page.md"
         file.write_text(text, encoding="utf-8")
         monkeypatch.setattr(pages, "templates", lambda family: {"README.md": file})
-        (made,) = pages.write("plant", tmp_path / "out", draft=20.0)
-        return made.read_text(encoding="utf-8")
+        (result,) = pages.write("plant", tmp_path / "out", draft=20.0)
+        return result.read_text(encoding="utf-8")
 
     return write
 
@@ -272,13 +272,13 @@ def test_what_is_wrong_names_the_line(written, line, message):
 
 
 def test_a_draft_is_not_for_docs(monkeypatch, capsys):
-    for words, told in (
+    for words, answer in (
         (["plant"], "no page plant; there is alsat1, gyrostat, hausat2"),
         (["gyrostat", "--draft", "5"], "--into"),
     ):
         monkeypatch.setattr("sys.argv", ["pages", *words])
         assert main() == 2
-        assert told in capsys.readouterr().err
+        assert answer in capsys.readouterr().err
 
 
 def test_a_derived_quantity_without_a_name_is_drawn():

@@ -48,8 +48,8 @@ def test_reference_trajectory(step):
     spin = run.manifest["parameters"]["wheels"]["inertia_wheel"]["value"]
     speed = run.results.values("wheels.h_wheel")[::every] / spin - omega @ axes_of(run)
     assert np.abs(speed - TRUTH[:, 8:]).max() < 1e-8
-    told = run.results.values("wheels.speed_wheel")[::every]  # of each step's begin
-    assert np.abs(told - speed[: len(told)]).max() < 1e-10
+    answer = run.results.values("wheels.speed_wheel")[::every]  # of each step's begin
+    assert np.abs(answer - speed[: len(answer)]).max() < 1e-10
     assert run.manifest["numbers"]["momentum_residual"]["value"] < 1e-14
 
 

@@ -75,13 +75,13 @@ def test_libraries_of_two_processors_are_one_file():
         struct.pack("<III", 0xFEEDFACF, kind, 3) + bytes(20000) for kind in (7, 12)
     )
     assert native.universal([first]) == first
-    whole = native.universal([first, second])
-    magic, count = struct.unpack_from(">II", whole)
+    full = native.universal([first, second])
+    magic, count = struct.unpack_from(">II", full)
     assert (magic, count) == (0xCAFEBABE, 2)
     for i, binary in enumerate((first, second)):
-        processor, _, at, size, power = struct.unpack_from(">IIIII", whole, 8 + 20 * i)
+        processor, _, at, size, power = struct.unpack_from(">IIIII", full, 8 + 20 * i)
         assert at % (1 << power) == 0
-        assert whole[at : at + size] == binary
+        assert full[at : at + size] == binary
         assert processor == (7, 12)[i]
 
 
@@ -110,13 +110,13 @@ def test_a_platform_that_there_is_not_is_named(desat, tmp_path, monkeypatch):
 
 
 def test_a_loop_is_for_the_platforms_that_are_asked_for(desat, tmp_path, monkeypatch):
-    asked = (native.Target("odd64", ".so"),)
-    given = []
-    monkeypatch.setattr(native, "targets_of", lambda platforms: asked)
+    requests = (native.Target("odd64", ".so"),)
+    inputs = []
+    monkeypatch.setattr(native, "targets_of", lambda platforms: requests)
     monkeypatch.setattr(
-        native, "compile_wrapper", lambda folder, targets: given.append(targets)
+        native, "compile_wrapper", lambda folder, targets: inputs.append(targets)
     )
-    monkeypatch.setattr(native, "assemble", lambda *args: given.append(args[-1]))
+    monkeypatch.setattr(native, "assemble", lambda *args: inputs.append(args[-1]))
     desat(
         "export",
         "fmu",
@@ -126,7 +126,7 @@ def test_a_loop_is_for_the_platforms_that_are_asked_for(desat, tmp_path, monkeyp
         "--out",
         str(tmp_path / "x.fmu"),
     )
-    assert given == [asked, asked]
+    assert inputs == [requests, requests]
 
 
 @pytest.mark.skipif(ZIG, reason="ziglang is there")
@@ -142,8 +142,8 @@ def test_without_ziglang_it_is_said(desat, tmp_path):
 def test_native_ones_are_packed_once_they_are_for_windows_too(
     monkeypatch, platforms, portable
 ):
-    said = {k: {**e, "platforms": platforms} for k, e in library.index().items()}
-    monkeypatch.setattr(library, "index", lambda: said)
+    stated = {k: {**e, "platforms": platforms} for k, e in library.index().items()}
+    monkeypatch.setattr(library, "index", lambda: stated)
     assert library.portable() is portable
     assert library.python_alone() == ["environment_tle"]
 

@@ -70,7 +70,7 @@ def test_what_is_not_given_follows_from_what_is(tmp_path, facts, mass, side):
 
 
 @pytest.mark.parametrize(
-    ("facts", "told"),
+    ("facts", "message"),
     [
         ({"size": "3U", "mass": "1000kg"}, r"2\.94e\+05 kg/m3; crafts have 20 to 3000"),
         ({"box": "2,2,2", "mass": "10kg"}, r"1\.25 kg/m3; crafts have"),
@@ -119,14 +119,14 @@ def test_what_is_not_given_follows_from_what_is(tmp_path, facts, mass, side):
         ),
     ],
 )
-def test_what_contradicts_itself_is_refused(tmp_path, facts, told):
-    with pytest.raises(DesatError, match=told):
+def test_what_contradicts_itself_is_refused(tmp_path, facts, message):
+    with pytest.raises(DesatError, match=message):
         write(tmp_path / "mine", CraftFacts(**facts), "")
     assert not (tmp_path / "mine").exists()
 
 
 @pytest.mark.parametrize(
-    ("facts", "sets", "told"),
+    ("facts", "sets", "message"),
     [
         (
             GEO | {"mass": "2500kg"},
@@ -162,11 +162,11 @@ def test_what_contradicts_itself_is_refused(tmp_path, facts, told):
         ({"size": "12U", "secular": "1mNm"}, [], "in the fullest wheel in each orbit"),
     ],
 )
-def test_improbable_hardware_is_told_by_check_and_run(tmp_path, facts, sets, told):
+def test_improbable_hardware_is_told_by_check_and_run(tmp_path, facts, sets, message):
     case = prepare(crafted(tmp_path, **facts), Options(sets=sets))
-    assert told in "\n".join(case.checked.warnings)
+    assert message in "\n".join(case.checked.warnings)
     assert (
-        told not in "\n".join(prepare(case.target, Options()).checked.warnings)
+        message not in "\n".join(prepare(case.target, Options()).checked.warnings)
         or not sets
     )
 
@@ -176,8 +176,8 @@ def test_a_craft_file_whose_body_is_wrong_is_told(tmp_path, desat):
     craft = target / "craft.toml"
     text = craft.read_text()
     craft.write_text(text.replace('mass = "9 kg"', 'mass = "900 kg"'))
-    told = desat("check", str(target), check=True).stderr
-    assert "kg/m3; crafts have 20 to 3000" in told.replace("\n", " ")
+    outcome = desat("check", str(target), check=True).stderr
+    assert "kg/m3; crafts have 20 to 3000" in outcome.replace("\n", " ")
     for wrong, message in (
         ('mass = "9 km"', "km does not fit kg"),
         ("mass = true", "a number in kg is needed"),
@@ -189,7 +189,7 @@ def test_a_craft_file_whose_body_is_wrong_is_told(tmp_path, desat):
 
 
 def test_new_craft_prints_what_it_assumed(desat, tmp_path):
-    told = desat(
+    outcome = desat(
         "new",
         "craft",
         str(tmp_path / "c"),
@@ -200,7 +200,7 @@ def test_new_craft_prints_what_it_assumed(desat, tmp_path):
         "--json",
         check=True,
     )
-    rows = {row["quantity"]: row for row in json.loads(told.stdout)["assumptions"]}
+    rows = {row["quantity"]: row for row in json.loads(outcome.stdout)["assumptions"]}
     assert rows["mass"] == {
         "quantity": "mass",
         "value": "30",
@@ -252,7 +252,7 @@ def test_given_torques_add_up(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("sets", "told"),
+    ("sets", "message"),
     [
         (["wheels.failed=5"], r"wheels\.failed = 5: not a choice"),
         (
@@ -262,8 +262,8 @@ def test_given_torques_add_up(tmp_path):
         (["wheels.failed=12"], r"not a choice"),
     ],
 )
-def test_wheels_that_contradict_each_other_are_refused(tmp_path, sets, told):
-    with pytest.raises(DesatError, match=told):
+def test_wheels_that_contradict_each_other_are_refused(tmp_path, sets, message):
+    with pytest.raises(DesatError, match=message):
         prepare(crafted(tmp_path, size="12U"), Options(sets=sets)).or_raise()
 
 
@@ -321,7 +321,7 @@ def test_each_real_parameter_of_a_sensor_or_actuator_has_a_range():
 
 
 @pytest.mark.parametrize(
-    "given",
+    "values",
     [
         "gyro.misalignment_body=1,1,1",
         "magnetometer.bias_body=1,0,0",
@@ -331,11 +331,11 @@ def test_each_real_parameter_of_a_sensor_or_actuator_has_a_range():
         "tachometers.noise=50",
     ],
 )
-def test_a_parameter_beyond_its_model_is_told(tmp_path, given):
-    case = prepare(crafted(tmp_path, size="12U"), Options(sets=[given]))
-    told = "\n".join(case.checked.warnings + case.checked.problems)
-    assert f"{given.partition('=')[0]}" in told
-    assert "usual is" in told
+def test_a_parameter_beyond_its_model_is_told(tmp_path, values):
+    case = prepare(crafted(tmp_path, size="12U"), Options(sets=[values]))
+    messages = "\n".join(case.checked.warnings + case.checked.problems)
+    assert f"{values.partition('=')[0]}" in messages
+    assert "usual is" in messages
 
 
 # --- sampled attitude control ---------------------------------------------------
@@ -398,12 +398,12 @@ def test_what_the_eigenvalues_say_flies(tmp_path, momentum):
         )
         assert problems[0].endswith("0.2 s would do")
         nominal = folder / "nominal.toml"
-        why = 'unstable = "to see it"\ntitle'
-        nominal.write_text(nominal.read_text().replace("title", why, 1))
+        reason = 'unstable = "to see it"\ntitle'
+        nominal.write_text(nominal.read_text().replace("title", reason, 1))
     else:
         assert problems == []
-    given = {"wheels.h_start_wheel": [momentum, momentum, -momentum, -momentum]}
-    run = library.run(target, given, stop=3000.0)
+    values = {"wheels.h_start_wheel": [momentum, momentum, -momentum, -momentum]}
+    run = library.run(target, values, stop=3000.0)
     pointing = run.manifest.numbers["pointing"].value
     assert (pointing > 5.0) == (momentum == 2.0)
 
@@ -435,9 +435,9 @@ def test_check_ends_with_1_where_full_wheels_are_unstable(tmp_path, desat):
         "--set",
         "magnetometer.sample_time=1",
     ]
-    told = desat("check", target, *slow)
-    assert told.returncode == 1
-    assert "is unstable with full wheels" in told.stderr.replace("\n", " ")
+    outcome = desat("check", target, *slow)
+    assert outcome.returncode == 1
+    assert "is unstable with full wheels" in outcome.stderr.replace("\n", " ")
 
 
 # --- laws that do nothing, or harm ------------------------------------------------
@@ -447,8 +447,8 @@ def test_a_law_that_does_nothing_is_not_met(tmp_path):
     target = crafted(tmp_path, size="12U", rods="0.2")
     still = library.run(target, {"manager.gain": 0.0}, stop=6000.0)
     assert any("it does nothing" in line for line in still.manifest.not_met)
-    own = library.run(target, stop=6000.0)
-    assert not any("it does nothing" in line for line in own.manifest.not_met)
+    own_value = library.run(target, stop=6000.0)
+    assert not any("it does nothing" in line for line in own_value.manifest.not_met)
     off = library.run(target, {"manager.enable": False}, stop=6000.0)
     assert not any("it does nothing" in line for line in off.manifest.not_met)
 
@@ -483,8 +483,8 @@ def test_a_bias_that_the_attitude_turns_is_refused(tmp_path, pointing):
     }
     target = crafted(tmp_path, **facts)
     case = prepare(target, Options(sets=["manager.h_target_body=0,0.02,0"]))
-    told = "\n".join(case.checked.problems)
-    assert ("no law turns a bias with it" in told) == (pointing == "yaw")
+    message = "\n".join(case.checked.problems)
+    assert ("no law turns a bias with it" in message) == (pointing == "yaw")
 
 
 @pytest.mark.parametrize("begin", [1000.0, 40000.0])
@@ -561,17 +561,17 @@ def _fingerprint(system: Any) -> str:
 
 def _changed(signals: Any, values: Any) -> list[Any]:
     """Other values than a parameter has."""
-    made = []
+    results = []
     for s, x in zip(signals, values, strict=True):
         if s.kind == "Boolean":
-            made.append(not x)
+            results.append(not x)
         elif s.choices:
-            made.append(s.choices[(x + 1) % len(s.choices)])
+            results.append(s.choices[(x + 1) % len(s.choices)])
         elif s.kind == "Integer":
-            made.append(x + 1)
+            results.append(x + 1)
         else:
-            made.append(1.05 * x if x else 0.01 * (s.maximum or 1.0))
-    return made
+            results.append(1.05 * x if x else 0.01 * (s.maximum or 1.0))
+    return results
 
 
 INACTIVE = {
@@ -596,15 +596,15 @@ def _silent(target: str) -> set[str]:
     """Parameters whose change neither moves the momentum model nor is said or refused."""
     from desat.sizing.scenarios import closed_loop_only
 
-    own, _ = prepare(target, Options()).or_raise()
-    known, silent = _fingerprint(own), set()
-    for component in own.components.values():
+    own_value, _ = prepare(target, Options()).or_raise()
+    known, silent = _fingerprint(own_value), set()
+    for component in own_value.components.values():
         for name in dict.fromkeys(s.array for s in component.interface.parameters):
             signals = component.interface.elements[name]
             values = _changed(signals, [component.values[s.name] for s in signals])
-            given = values if len(signals) > 1 else values[0]
-            options = Options(values={f"{component.name}.{name}": given})
-            if list(closed_loop_only(own, options)):
+            inputs = values if len(signals) > 1 else values[0]
+            options = Options(values={f"{component.name}.{name}": inputs})
+            if list(closed_loop_only(own_value, options)):
                 continue
             try:
                 system, _ = prepare(target, options).or_raise()

@@ -156,10 +156,14 @@ def test_pages_run_under_their_policy(browser, pages):
     """No browser says that the policy of a page forbade a part of it."""
     for kind, path in pages.items():
         tab = browser.new_page()
-        said: list[str] = []
-        tab.on("console", lambda message, said=said: said.append(message.text))
-        tab.on("pageerror", lambda error, said=said: said.append(str(error)))
+        messages: list[str] = []
+        tab.on(
+            "console", lambda message, messages=messages: messages.append(message.text)
+        )
+        tab.on(
+            "pageerror", lambda error, messages=messages: messages.append(str(error))
+        )
         tab.goto(path.as_uri())
         assert tab.evaluate("document.readyState") == "complete"
-        assert said == [], kind
+        assert messages == [], kind
         tab.close()

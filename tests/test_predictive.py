@@ -204,12 +204,11 @@ def test_a_turned_coil_is_found_and_used(tmp_path: Path) -> None:
     )
     seen = run.results.values("manager.effectiveness")
     assert seen[-2] == pytest.approx((-1.0, 1.0, 1.0, 1.0), abs=0.1)
-    whole = execute(
+    full = execute(
         "space_telescope/predictive-nominal", Options(stop=15000.0), tmp_path / "whole"
     )
     peaks = [
-        np.abs(r.results.values("wheels.speed_wheel")[-700:]).max()
-        for r in (run, whole)
+        np.abs(r.results.values("wheels.speed_wheel")[-700:]).max() for r in (run, full)
     ]
     assert peaks[0] < 1.3 * peaks[1]
 

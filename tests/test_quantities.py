@@ -22,21 +22,21 @@ TLE = commands.TLE
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
-    made = tmp_path_factory.mktemp("quantities")
-    commands.prepare(made)
-    return made
+    result = tmp_path_factory.mktemp("quantities")
+    commands.prepare(result)
+    return result
 
 
 @pytest.mark.parametrize(
-    ("given", "wanted"),
+    ("values", "expected"),
     [("5", 5.0), ("5 km", 5.0), ("5000m", 5.0), (" .5e1 ", 5.0), (5.0, 5.0), (3, 3.0)],
 )
-def test_a_quantity_is_a_number_with_its_unit_or_without(given, wanted):
-    assert Quantity("--x", "km", 1.0, 9.0)(given) == wanted
+def test_a_quantity_is_a_number_with_its_unit_or_without(values, expected):
+    assert Quantity("--x", "km", 1.0, 9.0)(values) == expected
 
 
 @pytest.mark.parametrize(
-    ("given", "told"),
+    ("values", "message"),
     [
         ("inf", "--x inf: a number is needed, with its unit or in km"),
         ("nan", "--x nan: a number is needed, with its unit or in km"),
@@ -50,10 +50,10 @@ def test_a_quantity_is_a_number_with_its_unit_or_without(given, wanted):
         ("", "--x : a number is needed"),
     ],
 )
-def test_what_is_none_is_refused_with_the_option(given, told):
+def test_what_is_none_is_refused_with_the_option(values, message):
     with pytest.raises(DesatError) as refused:
-        Quantity("--x", "km", 1.0, 9.0)(given)
-    assert str(refused.value).startswith(told)
+        Quantity("--x", "km", 1.0, 9.0)(values)
+    assert str(refused.value).startswith(message)
 
 
 REFUSED = {
@@ -100,9 +100,9 @@ REFUSED = {
 
 @pytest.mark.parametrize("line", REFUSED)
 def test_what_is_typed_and_means_nothing_is_a_line(folder, line):
-    code, said = commands.ended(shlex.split(line), folder)
-    assert (code, said.strip().count("\n")) == (2, 0), said
-    assert said.startswith(f"error: {REFUSED[line]}")
+    code, message = commands.ended(shlex.split(line), folder)
+    assert (code, message.strip().count("\n")) == (2, 0), message
+    assert message.startswith(f"error: {REFUSED[line]}")
     assert not (folder / "x").exists()
 
 
@@ -135,12 +135,14 @@ def test_the_epoch_of_a_craft_is_that_of_its_elements(tmp_path):
     file = tmp_path / "iss.tle"
     file.write_text(TLE)
     write(tmp_path / "mine", CraftFacts(tle=file), "")
-    made = tomllib.loads((tmp_path / "mine" / "nominal.toml").read_text())
-    assert made["epoch"].isoformat() == "2019-12-09T16:38:29+00:00"  # day 343.69339541
+    result = tomllib.loads((tmp_path / "mine" / "nominal.toml").read_text())
+    assert (
+        result["epoch"].isoformat() == "2019-12-09T16:38:29+00:00"
+    )  # day 343.69339541
     assert doubts(CraftFacts(tle=file)) == []
     assert doubts(CraftFacts(tle=file, epoch="2019-12-12")) == []
-    (told,) = doubts(CraftFacts(tle=file, epoch="2019-12-20T00:00:00Z"))
-    assert told.startswith(
+    (answer,) = doubts(CraftFacts(tle=file, epoch="2019-12-20T00:00:00Z"))
+    assert answer.startswith(
         "--epoch 2019-12-20T00:00:00Z: 10 days after those of --tle "
     )
     with pytest.raises(
@@ -152,12 +154,12 @@ def test_the_epoch_of_a_craft_is_that_of_its_elements(tmp_path):
 
 
 def test_numbers_have_units_on_the_command_line(folder):
-    code, said = commands.ended(
+    code, message = commands.ended(
         shlex.split("run mine --blocks --stop '2000 ms' --step 1 --substeps 1 --json"),
         folder,
     )
-    assert code in (0, 1), said
-    assert '"steps_done": 2' in said
+    assert code in (0, 1), message
+    assert '"steps_done": 2' in message
 
 
 def test_times_are_days_too() -> None:

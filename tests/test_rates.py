@@ -55,14 +55,14 @@ def test_a_line_cut_and_joined_is_itself(mean, slope, count):
     parts = graded(count)
     cut = np.array([mean, slope, 0.0, 0.0])
     joined = np.zeros(4)
-    part, whole = (
+    part, full = (
         Part(cut, source(), TARGET, parts),
         WindowMean(joined, source(), joined, TARGET, parts),
     )
     for i in range(count):
         part(i)
         joined[:2] = cut[2:]
-        whole(i)
+        full(i)
     size = max(abs(mean), abs(slope), 1.0)
     assert joined[2:] == pytest.approx([mean, slope], abs=1e-13 * size)
 
@@ -71,12 +71,12 @@ def test_a_line_cut_and_joined_is_itself(mean, slope, count):
 def test_joined_parts_keep_integral_and_first_moment(values, sloped):
     parts = graded(len(values))
     live = np.zeros(4)
-    whole = WindowMean(live, source(sloped), live, TARGET, parts)
+    full = WindowMean(live, source(sloped), live, TARGET, parts)
     integral = moment = 0.0
     for i, ((m, p), (a, w)) in enumerate(zip(values, parts, strict=True)):
         p = p if sloped else 0.0
         live[0], live[1] = m, p
-        whole(i)
+        full(i)
         integral += w * m
         # of m + p (u - 1/2) times s = a + w u, u from 0 to 1
         moment += w * (m * (a + 0.5 * w) + p * w / 12.0)
@@ -135,11 +135,11 @@ def scenario(folder: Path, **keys: object) -> str:
 def final(target: str, **options: object):
     """Attitude (4,) and the wheels' momentum (4,) at the end of 20 s, and the run's
     manifest."""
-    made = execute(target, Options(stop=20.0, **options))
-    assert made.ok, made.manifest["message"]
-    ends = [made.results.values(n)[-1] for n in ("spacecraft.q_bi", "wheels.h_wheel")]
-    made.results.close()
-    return (*ends, made.manifest)
+    result = execute(target, Options(stop=20.0, **options))
+    assert result.ok, result.manifest["message"]
+    ends = [result.results.values(n)[-1] for n in ("spacecraft.q_bi", "wheels.h_wheel")]
+    result.results.close()
+    return (*ends, result.manifest)
 
 
 @pytest.fixture(scope="module")
@@ -196,30 +196,30 @@ def test_substeps_have_the_same_bits_as_fmus_and_as_a_packed_system(tmp_path):
     target = scenario(tmp_path, substeps=3, step_ratio={"guidance": 2})
     packed = tmp_path / "mine.ssp"
     pack(prepare(target, Options()).or_raise()[0], packed)
-    made = [final(target, blocks=True), final(target), final(str(packed))]
-    for q, h, manifest in made:
+    results = [final(target, blocks=True), final(target), final(str(packed))]
+    for q, h, manifest in results:
         assert manifest["substeps"] == 3
-        assert q.tobytes() == made[0][0].tobytes()
-        assert h.tobytes() == made[0][1].tobytes()
+        assert q.tobytes() == results[0][0].tobytes()
+        assert h.tobytes() == results[0][1].tobytes()
 
 
 def test_rows_of_substeps_have_states_of_the_start_and_means_of_the_step(tmp_path):
-    made = execute(scenario(tmp_path, substeps=4), Options(stop=20.0, blocks=True))
+    result = execute(scenario(tmp_path, substeps=4), Options(stop=20.0, blocks=True))
     h, mean = (
-        made.results.values(f"wheels.{n}") for n in ("h_wheel", "tau_mean_wheel")
+        result.results.values(f"wheels.{n}") for n in ("h_wheel", "tau_mean_wheel")
     )
-    made.results.close()
+    result.results.close()
     assert len(h) == 21
     assert np.diff(h, axis=0) == pytest.approx(mean, abs=1e-15)
 
 
 def test_a_lost_momentum_ends_with_1(tmp_path):
     target = scenario(tmp_path, residual_bound=1e-18)
-    made = execute(target, Options(stop=20.0, blocks=True))
-    assert made.ok
-    assert made.code == Exit.UNMET
-    assert "momentum_residual" in made.manifest["unmet"][0]
-    assert "residual_bound = 1e-18" in made.manifest["unmet"][0]
+    result = execute(target, Options(stop=20.0, blocks=True))
+    assert result.ok
+    assert result.code == Exit.UNMET
+    assert "momentum_residual" in result.manifest["unmet"][0]
+    assert "residual_bound = 1e-18" in result.manifest["unmet"][0]
 
 
 def test_what_jacobi_leaves_out_is_said(tmp_path):

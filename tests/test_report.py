@@ -72,10 +72,10 @@ def test_thinning_keeps_least_and_most_of_each_part(rows, parts, less, seed):
     edges = np.linspace(x[0], x[-1], parts + 1)
     part = np.clip(np.searchsorted(edges, x, "right") - 1, 0, parts - 1)
     for k in range(parts):
-        own, pair = y[part == k], first[2 * k : 2 * k + 2]
+        own_value, pair = y[part == k], first[2 * k : 2 * k + 2]
         # a sample on an edge may be counted to either side
-        if len(own) and not np.isin(x[part == k], edges).any():
-            assert sorted(pair) == [own.min(), own.max()]
+        if len(own_value) and not np.isin(x[part == k], edges).any():
+            assert sorted(pair) == [own_value.min(), own_value.max()]
 
 
 def test_lines_of_other_times_stand_at_their_own():
@@ -107,16 +107,16 @@ def test_values_that_hardly_differ_keep_their_digits():
 def test_a_day_of_thirty_series_is_below_3_megabytes():
     """With the SVG of its figures and the script."""
     figures = [figure(3, 86_400) for _ in range(10)]
-    told = interactive.data_of(figures)
-    size = len(json.dumps(told)) + sum(len(f.svg()) for f in figures)
+    answer = interactive.data_of(figures)
+    size = len(json.dumps(answer)) + sum(len(f.svg()) for f in figures)
     script = sum(
         p.stat().st_size
         for p in Path(report.__file__).parents[1].rglob("templates/**/*")
     )
     assert 500_000 < size + script < 3_000_000
-    assert len(told["grids"]) == 1  # of all plots
-    assert {len(numbers(s)) for p in told["plots"] for s in p["series"]} == {
-        told["most"]
+    assert len(answer["grids"]) == 1  # of all plots
+    assert {len(numbers(s)) for p in answer["plots"] for s in p["series"]} == {
+        answer["most"]
     }
 
 
@@ -132,8 +132,8 @@ def test_what_the_script_cannot_draw_stays_svg(of):
         ax.plot([1.0, 2.0, 1.5], [2.0, 3.0, 1.0], "#000000")
     else:
         ax.right = Figure(1.0, 1.0).add()
-    told = interactive.data_of([drawn, figure(1)])
-    assert [bool(p) for p in told["plots"]] == [False, True]
+    answer = interactive.data_of([drawn, figure(1)])
+    assert [bool(p) for p in answer["plots"]] == [False, True]
 
 
 def test_points_areas_and_upright_lines_are_drawn_over_any_x():
@@ -232,16 +232,16 @@ def page(tmp_path_factory):
 def test_verdicts_and_the_plot_that_matters_come_first(page):
     """`wheels` has 98 % left and `pointing` hardly less than all of 179 deg: which is
     nearer?"""
-    run, told = load_run(page.parent), html.fromstring(page.read_text())
+    run, answer = load_run(page.parent), html.fromstring(page.read_text())
     nearest = min(run.manifest.verdicts.items(), key=lambda e: e[1].margin)
-    texts = [e.text_content() for e in told.iter("p", "table", "figcaption", "h2")]
+    texts = [e.text_content() for e in answer.iter("p", "table", "figcaption", "h2")]
     assert (
         f"All 2 requirements met; least margin {100 * nearest[1].margin:.3g} %"
         in texts[1]
     )
     assert nearest[0] in texts[1]
     title = {"wheels": "Wheel momentum", "pointing": "Pointing error"}[nearest[0]]
-    captions = [f.findtext("figcaption").strip() for f in told.iter("figure")]
+    captions = [f.findtext("figcaption").strip() for f in answer.iter("figure")]
     assert captions[:2] == [
         "Momentum of the fullest wheel, with management and without",
         title,
@@ -252,16 +252,16 @@ def test_verdicts_and_the_plot_that_matters_come_first(page):
 
 def test_the_page_stands_alone_and_nobodys_names_end_its_script(page):
     text = page.read_text()
-    told = html.fromstring(text)
-    assert told.findall(".//img") == []
-    assert not told.xpath("//*[@src] | //link | //b[starts-with(., 'x')]")
+    answer = html.fromstring(text)
+    assert answer.findall(".//img") == []
+    assert not answer.xpath("//*[@src] | //link | //b[starts-with(., 'x')]")
     assert not re.search(r"url\(|@import", text)
-    data = json.loads(told.find(".//script[@id='drawn']").text)
-    figures = told.findall(".//figure")
+    data = json.loads(answer.find(".//script[@id='drawn']").text)
+    figures = answer.findall(".//figure")
     assert (
         len(data["plots"])
         == len(figures)
-        == len(told.xpath("//div[@class='still']/svg"))
+        == len(answer.xpath("//div[@class='still']/svg"))
     )
     assert all(data["plots"])
     dipole = next(
@@ -294,12 +294,12 @@ def test_report_open(page, monkeypatch):
     monkeypatch.setattr(
         webbrowser, "open", lambda uri: opened.append(uri) or len(opened) == 1
     )
-    for said in ("", "no browser was found"):
+    for message in ("", "no browser was found"):
         done = CliRunner().invoke(
             cli.app_for([]), ["report", str(page.parent), "--open"]
         )
         assert done.exit_code == 0
-        assert said in done.output
+        assert message in done.output
     assert opened == 2 * [page.resolve().as_uri()]
 
 
@@ -329,10 +329,10 @@ def campaign(tmp_path_factory):
 
 
 def test_histograms_name_the_cases_of_each_bar(campaign):
-    told = html.fromstring((campaign / "report.html").read_text())
-    data = json.loads(told.find(".//script[@id='told']").text)
+    answer = html.fromstring((campaign / "report.html").read_text())
+    data = json.loads(answer.find(".//script[@id='told']").text)
     assert data["command"] == f"desat campaign case '{campaign}'"
-    figures = told.xpath("//figure[@data-histogram]")
+    figures = answer.xpath("//figure[@data-histogram]")
     assert len(figures) == len(data["histograms"]) > 5
     for bars in data["histograms"]:
         assert sorted(c for cases in bars["cases"] for c in cases) == list(range(12))
@@ -382,10 +382,10 @@ def test_zoom_and_values_in_a_browser(browser, page, width, scheme):
     box = over.bounding_box()
     at = box["x"] + 0.25 * box["width"], box["y"] + 0.5 * box["height"]
     tab.mouse.move(*at)
-    said = (
+    message = (
         tab.locator(".u-legend").nth(1).inner_text()
     )  # of another plot than that under it
-    assert re.search(r"time:?\s*(29|30)\d\.\d s", said.replace("\n", " "))
+    assert re.search(r"time:?\s*(29|30)\d\.\d s", message.replace("\n", " "))
     tab.mouse.down()
     tab.mouse.move(box["x"] + 0.5 * box["width"], at[1], steps=3)
     tab.mouse.up()

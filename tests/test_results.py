@@ -75,8 +75,8 @@ def test_series(folder):
         assert h.compression == "gzip"
         assert h.dims[0].keys() == ["time"]
         assert np.array_equal(h.dims[0]["time"], file["time"])
-        own = ("unit", "frame", "description", "class")
-        assert {k: h.attrs[k] for k in own} == {
+        own_value = ("unit", "frame", "description", "class")
+        assert {k: h.attrs[k] for k in own_value} == {
             "unit": "N.m.s",
             "frame": "wheel axes",
             "description": "own copy of the axial momentum of each wheel, absolute",
@@ -156,14 +156,14 @@ def test_a_manifest_is_an_object_and_as_a_mapping_its_file(folder):
 
 
 def test_a_manifest_of_another_version_is_read_and_keeps_what_it_says():
-    told = {
+    results = {
         "scenario": "a",
         "about": {},
         "status": "running",
         "rigid_body": None,
         "later": [1],
     }
-    manifest = Manifest.from_json(told)
+    manifest = Manifest.from_json(results)
     assert (manifest.parameters, manifest.parts, manifest.numbers) == (
         {},
         {"rigid_body": None},
@@ -193,8 +193,8 @@ def test_recording_less():
         "thrusters.on_time",
     }
     assert run.results.times().tolist() == [70.0 * k for k in range(9)]
-    whole = execute(NAME, Options())
-    expected = whole.results.values("manager.m_cmd_body")[::7]
+    full = execute(NAME, Options())
+    expected = full.results.values("manager.m_cmd_body")[::7]
     assert np.array_equal(run.results.values("manager.m_cmd_body"), expected)
     assert set(run.manifest["numbers"]) == {"firing_time"}, (
         "the others' series are not recorded"
@@ -285,15 +285,15 @@ def test_exports_hold_the_same_numbers(folder, tmp_path):
     with Results.open(folder) as results:
         for name in results.names():
             component, _, variable = name.partition(".")
-            whole = np.asarray(results.values(name))
-            assert np.array_equal(structs[component][variable], whole)
+            full = np.asarray(results.values(name))
+            assert np.array_equal(structs[component][variable], full)
             assert structs[component]["units"][variable] == (
                 results.attribute(name, "unit") or "1"
             )
             first = next(
                 c for c in table.column_names if c.partition("[")[0].strip() == name
             )
-            column = whole if whole.ndim == 1 else whole[:, 0]
+            column = full if full.ndim == 1 else full[:, 0]
             assert np.array_equal(table[first].to_numpy(), column[:60])
     pictures, _ = export(folder, "png", tmp_path)
     assert all(p.read_bytes()[1:4] == b"PNG" for p in pictures)
@@ -323,11 +323,11 @@ def test_a_run_is_a_data_set(folder, tmp_path):
     assert float(ds.time[-1]) == 600.0
     assert float(ds.interval[-1]) == 595.0, "the middle of the last step"
     with Results.open(folder) as results:
-        whole = results.values("spacecraft.h_copy_wheel")
-    assert np.array_equal(h.values, whole)
-    assert np.array_equal(h[5:50:7, 1].values, whole[5:50:7, 1])
-    assert h[-1, 0].item() == whole[-1, 0]
-    assert np.array_equal(h.sel(time=100.0).values, whole[10])
+        full = results.values("spacecraft.h_copy_wheel")
+    assert np.array_equal(h.values, full)
+    assert np.array_equal(h[5:50:7, 1].values, full[5:50:7, 1])
+    assert h[-1, 0].item() == full[-1, 0]
+    assert np.array_equal(h.sel(time=100.0).values, full[10])
     assert ds.attrs["scenario"] == NAME
     assert json.loads(ds.attrs["numbers"])["firing_time"]["unit"] == "s"
 
@@ -475,7 +475,7 @@ def test_scales_of_units():
 def test_modes_have_names_of_their_block(tmp_path):
     """They come with the FMU, and stand in the series, the manifest and nowhere in the
     role."""
-    own = {
+    own_value = {
         "manager_integrated": (
             "idle",
             "dumping",
@@ -487,15 +487,15 @@ def test_modes_have_names_of_their_block(tmp_path):
         "manager_receding_horizon": ("idle", "-", "receding_horizon", "fallback"),
         "manager_cross_product": ("idle", "dumping"),
     }
-    for name, choices in own.items():
+    for name, choices in own_value.items():
         fmu = of_fmu(paths.fmus() / f"{name}.fmu").signals["mode"]
         block = of_block(name, registry.block_class(name)).signals["mode"]
         assert fmu.choices == block.choices == choices
     run = execute("integrated/velocity-to-pointing", Options(stop=20.0), tmp_path)
-    assert run.results.choices("manager.mode") == own["manager_integrated"]
+    assert run.results.choices("manager.mode") == own_value["manager_integrated"]
     assert run.results.choices("manager.m_cmd_body") == ()
     assert read_manifest(tmp_path)["choices"] == {
-        "manager.mode": list(own["manager_integrated"])
+        "manager.mode": list(own_value["manager_integrated"])
     }
     names = run.results.choices("manager.mode")
     assert {names[k] for k in run.results.values("manager.mode")} == {
@@ -536,19 +536,21 @@ def test_the_page_of_results_works_as_it_says(tmp_path, monkeypatch, capsys):
     (snippet,) = re.findall(r"```matlab\n(.*?)```", page, re.S)
     if octave := shutil.which("octave-cli"):
         export(out, "mat")
-        told = subprocess.run(
+        answer = subprocess.run(
             [octave, "--no-gui", "--quiet", "--eval", snippet],
             check=False,
             capture_output=True,
             text=True,
         ).stdout.split()
-        assert told == ["N.m.s", f"{largest.max():.17g}"]
+        assert answer == ["N.m.s", f"{largest.max():.17g}"]
 
 
 @pytest.mark.parametrize(
-    ("rows", "left"), [(200_000, 0.5), (200_000, 0.002), (20_000, 0.1)]
+    ("rows", "remaining"), [(200_000, 0.5), (200_000, 0.002), (20_000, 0.1)]
 )
-def test_one_that_was_not_closed_and_has_lost_its_end_is_refused(tmp_path, rows, left):
+def test_one_that_was_not_closed_and_has_lost_its_end_is_refused(
+    tmp_path, rows, remaining
+):
     """At once: HDF5 would take what is missing for zeros, or look for it for hours."""
     with h5py.File(tmp_path / "whole", "w", libver="latest") as file:
         for name in ("time", "a/x", "a/y"):
@@ -563,7 +565,7 @@ def test_one_that_was_not_closed_and_has_lost_its_end_is_refused(tmp_path, rows,
     part.write_bytes(data)
     with Results.open(tmp_path) as results:
         assert results.values("a.y")[-1] == rows
-    part.write_bytes(data[: int(left * len(data))])
+    part.write_bytes(data[: int(remaining * len(data))])
     with pytest.raises(DesatError, match=r"no readable series"):
         Results.open(tmp_path)
 
@@ -610,8 +612,8 @@ def test_numbers_of_the_same_series_derive_once(folder, monkeypatch):
         assert calls == [61]
         evaluate(Number(**{**number, "signal": signals[::-1]}), results, {})
         assert calls == [61, 61]
-        wanted = angle.function(*(results.values(s) for s in signals))
-    assert found == [wanted.max(), wanted[-1]]
+        expected = angle.function(*(results.values(s) for s in signals))
+    assert found == [expected.max(), expected[-1]]
 
 
 def test_what_was_made_lately_is_kept_within_bounds(folder, monkeypatch):
@@ -667,12 +669,12 @@ def test_a_foreign_array_keeps_its_own_names(tmp_path, names, series):
         recorder = Recorder(None, m)
         step_on(m, stepping(m, recorder, NEVER, "python"), 3, recorder)
         with recorder.finish(m) as results:
-            kept = {
+            saved = {
                 n: results.values(n)[0] for n in results.names() if n != "mine.valid"
             }
-    assert kept.keys() == {f"mine.{n}" for n in series}
+    assert saved.keys() == {f"mine.{n}" for n in series}
     for name, places in series.items():
-        assert np.atleast_1d(kept[f"mine.{name}"]).tolist() == [
+        assert np.atleast_1d(saved[f"mine.{name}"]).tolist() == [
             1e-5 * (i + 1) for i in places
         ]
 

@@ -47,7 +47,9 @@ STILL: Vec4 = (0.0, 0.0, 0.0, 0.0)
 FIELD: Vec3 = (2e-5, -1e-5, 2.5e-5)
 
 
-def flown(sequence: rollout.Sequence, best: float = inf, fastest: float = inf) -> float:
+def cost_of(
+    sequence: rollout.Sequence, best: float = inf, fastest: float = inf
+) -> float:
     return rollout.predict_cost(
         ALONE,
         (0.1, -0.1, 0.1),
@@ -90,15 +92,15 @@ def test_a_step_without_coils_keeps_the_momentum_and_follows_a_finer_one() -> No
 
 
 def test_the_search_is_never_later_than_the_law_or_what_was_chosen_before() -> None:
-    law = flown(rollout.none())
+    law = cost_of(rollout.none())
     before, cost = rollout.none(), law
     for index in range(3):
-        found, made = rollout.sought(
+        found, result = rollout.sought(
             ALONE, (0.1, -0.1, 0.1), FIELD, STILL, before, index, 2, 8, 20, 900
         )
-        assert made <= cost
-        assert made == pytest.approx(flown(found), rel=1e-12)
-        before, cost = found, made
+        assert result <= cost
+        assert result == pytest.approx(cost_of(found), rel=1e-12)
+        before, cost = found, result
     assert cost < 0.8 * law
     assert all(abs(u) <= 1e-3 for u in before.torques)
     for absent in (1, 2, 3):
@@ -106,11 +108,11 @@ def test_the_search_is_never_later_than_the_law_or_what_was_chosen_before() -> N
 
 
 def test_a_flight_is_dropped_once_it_is_later_or_too_fast_for_the_model() -> None:
-    law = flown(rollout.none())
-    assert flown(rollout.none(), best=law - 5.0) == inf
+    law = cost_of(rollout.none())
+    assert cost_of(rollout.none(), best=law - 5.0) == inf
     spun = rollout.Sequence((1e-3, 0.0, 0.0, 0.0) * 4, 4, 0)
-    assert flown(spun) < 901.0
-    assert flown(spun, fastest=0.15) == inf
+    assert cost_of(spun) < 901.0
+    assert cost_of(spun, fastest=0.15) == inf
     omega = (2e-3, 0.0, 0.0)
     found, cost = rollout.sought(ALONE, omega, FIELD, STILL, spun, 0, 4, 64, 20, 900)
     assert found == rollout.none()
@@ -123,19 +125,19 @@ def test_a_sequence_that_has_begun_goes_on_where_it_was() -> None:
     begun = rollout.Sequence(
         tuple(x for u in (a, b, c, d) for x in (u, 0.0, 0.0, 0.0)), 4, 20
     )
-    left = rollout.Sequence(
+    remaining = rollout.Sequence(
         tuple(x for u in (b, c, d, 0) for x in (u, 0.0, 0.0, 0.0)), 3, 0
     )
-    assert flown(begun) == flown(left)
-    assert flown(begun) != flown(left._replace(segments=2))
-    half = rollout.Sequence(left.torques, 2, 10)
+    assert cost_of(begun) == cost_of(remaining)
+    assert cost_of(begun) != cost_of(remaining._replace(segments=2))
+    half = rollout.Sequence(remaining.torques, 2, 10)
     parts = rollout.Sequence(
         tuple(x for u in (b, c, c, 0) for x in (u, 0.0, 0.0, 0.0)), 3, 0
     )
     by_tens = rollout.predict_cost(
         ALONE, (0.1, -0.1, 0.1), FIELD, STILL, parts.torques, 3, 0, 10, 900, inf, inf
     )
-    assert flown(half) == by_tens
+    assert cost_of(half) == by_tens
 
 
 def test_a_rate_at_its_limit_is_above_it_and_a_wheel_at_its_limit_is_not_driven() -> (
@@ -145,19 +147,19 @@ def test_a_rate_at_its_limit_is_above_it_and_a_wheel_at_its_limit_is_not_driven(
     still = MODEL._replace(
         carrier=INERTIA, inverse=inverse_inertia(INERTIA), gain=0.0, gain_wheel=0.0
     )
-    whole = rollout.predict_cost(
+    full = rollout.predict_cost(
         still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, inf, inf
     )
-    assert whole == 7.0 + 1.0  # turning about a principal axis
+    assert full == 7.0 + 1.0  # turning about a principal axis
     spun = rollout.predict_cost(
         still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, inf, at[0]
     )
-    assert spun == whole  # as fast as is believed, and no faster
+    assert spun == full  # as fast as is believed, and no faster
     assert (
         rollout.predict_cost(
             still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, 6.0, inf
         )
-        == whole
+        == full
     )
     assert (
         rollout.predict_cost(

@@ -639,8 +639,8 @@ def test_star_tracker_is_blinded_by_the_earth_up_to_its_limb(beyond, reason):
     )  # from where the Earth fills a cone of 64 deg
     a = math.radians(64.0 + beyond)
     up = attitude.rotate_back(Q, (math.sin(a), 0.0, -math.cos(a)))
-    where = tuple(r * x for x in up)
-    block = sensor("star_tracker", earth_exclusion=math.radians(20), r_eci=where)
+    place = tuple(r * x for x in up)
+    block = sensor("star_tracker", earth_exclusion=math.radians(20), r_eci=place)
     assert (block.lost_to, block.valid) == (reason, reason == 0)
 
 
@@ -670,10 +670,10 @@ def test_star_tracker_holds_until_the_stars_are_acquired_again():
 
 def test_star_tracker_drops_out_at_its_mean_interval():
     block = sensor("star_tracker", dropout_interval=50.0, sample_time=2.0)
-    lost = samples(block, "lost_to", N, 2.0) == 4
+    missing = samples(block, "lost_to", N, 2.0) == 4
     share = 1 - math.exp(-2.0 / 50.0)
-    assert lost.mean() == pytest.approx(share, abs=5 * math.sqrt(share / N))
-    gaps = np.diff(np.flatnonzero(lost))  # geometric: as scattered as they are long
+    assert missing.mean() == pytest.approx(share, abs=5 * math.sqrt(share / N))
+    gaps = np.diff(np.flatnonzero(missing))  # geometric: as scattered as they are long
     assert gaps.std() == pytest.approx(math.sqrt(1 - share) / share, rel=0.15)
 
 
@@ -736,15 +736,17 @@ def test_star_tracker_flies_a_craft_without_determination():
 
     prompt = desat.run("nadir_day/star-tracker-prompt")
     late = desat.run("nadir_day/star-tracker-late")
-    lost = prompt.results.values("star_tracker.lost_to")
-    assert set(np.unique(lost)) == {0, 4, 5}, (
+    missing = prompt.results.values("star_tracker.lost_to")
+    assert set(np.unique(missing)) == {0, 4, 5}, (
         "neither Sun nor Earth, where it is mounted"
     )
-    dropouts = int((lost == 4).sum())
+    dropouts = int((missing == 4).sum())
     assert dropouts == pytest.approx(24, abs=4 * math.sqrt(24))
-    assert (lost == 5).sum() == pytest.approx(9 * dropouts, abs=9)
-    assert 100 * (lost == 0).mean() == pytest.approx(number(prompt, "seen"), abs=0.01)
-    assert prompt.results.values("controller.tau_ctrl_body")[lost == 4].any() == 0
+    assert (missing == 5).sum() == pytest.approx(9 * dropouts, abs=9)
+    assert 100 * (missing == 0).mean() == pytest.approx(
+        number(prompt, "seen"), abs=0.01
+    )
+    assert prompt.results.values("controller.tau_ctrl_body")[missing == 4].any() == 0
     orbit = 360.0 / 5739.0  # deg/s
     found = number(late, "pointing_mean")
     assert found == pytest.approx(orbit, rel=2e-3)

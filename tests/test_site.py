@@ -82,13 +82,13 @@ def blocks(page: Path) -> list[Block]:
     ]
 
 
-def same(said: str, printed: str) -> bool:
+def same(message: str, printed: str) -> bool:
     """Whether a word of a page is what was printed; a number within a unit of its last
     digit."""
-    if said == printed:
+    if message == printed:
         return True
     a, b = (
-        NUMBER.fullmatch(said.strip(STRIPPED)),
+        NUMBER.fullmatch(message.strip(STRIPPED)),
         NUMBER.fullmatch(printed.strip(STRIPPED)),
     )
     if not a or not b:
@@ -99,16 +99,16 @@ def same(said: str, printed: str) -> bool:
     return abs(float(plain) - float(b[0].replace(",", ""))) <= 1.001 * digit
 
 
-def matches(said: list[str], printed: list[str]) -> bool:
+def matches(message: list[str], printed: list[str]) -> bool:
     """Whether words are those that were printed; `...` stands for any number of them."""
-    if not said:
+    if not message:
         return not printed
-    if said[0] == "...":
-        return any(matches(said[1:], printed[i:]) for i in range(len(printed) + 1))
-    parts = said.index("...") if "..." in said else len(said)
-    if len(printed) < parts or not all(map(same, said[:parts], printed)):
+    if message[0] == "...":
+        return any(matches(message[1:], printed[i:]) for i in range(len(printed) + 1))
+    parts = message.index("...") if "..." in message else len(message)
+    if len(printed) < parts or not all(map(same, message[:parts], printed)):
         return False
-    return matches(said[parts:], printed[parts:])
+    return matches(message[parts:], printed[parts:])
 
 
 def shell(text: str, folder: Path) -> str:
@@ -158,11 +158,17 @@ def run(page: Path, folder: Path) -> list[tuple[Block, str]]:
     return done
 
 
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory) -> Path:
+    """A cache that all pages share: none finds in it what another has not made."""
+    return tmp_path_factory.mktemp("cache")
+
+
 @pytest.mark.parametrize("page", SCRIPTS, ids=lambda p: p.stem)
-def test_a_page_does_what_it_says(page, tmp_path, monkeypatch):
+def test_a_page_does_what_it_says(page, cache, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
-    monkeypatch.setenv("DESAT_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("DESAT_CACHE", str(cache))
     before = cpu()
     with matplotlib.rc_context(fname=DOCS / "matplotlibrc"):
         matplotlib.use("svg")
@@ -195,7 +201,7 @@ def test_pages_that_are_read_first_are_short(page):
 
 
 @pytest.mark.parametrize(
-    ("said", "printed", "is_so"),
+    ("message", "printed", "is_so"),
     [
         ("a 1.23 ... b", "a 1.2349 x y b", True),
         ("a 1.23 ... b", "a 1.25 x y b", False),
@@ -206,8 +212,8 @@ def test_pages_that_are_read_first_are_short(page):
         ("...", "", True),
     ],
 )
-def test_the_runner_tells_numbers_and_words_apart(said, printed, is_so):
-    assert matches(said.split(), printed.split()) is is_so
+def test_the_runner_tells_numbers_and_words_apart(message, printed, is_so):
+    assert matches(message.split(), printed.split()) is is_so
 
 
 @pytest.mark.parametrize(
@@ -231,20 +237,20 @@ def test_plain_equations_become_latex_or_stay_as_they_are(monkeypatch, plain, te
     monkeypatch.syspath_prepend(DOCS)
     import equations
 
-    made = equations.block([plain])
-    assert made is None if tex is None else tex in made
+    result = equations.block([plain])
+    assert result is None if tex is None else tex in result
 
 
 def reached(html: Path) -> set[str]:
     """The pages that links lead to, from the first on."""
     seen: set[str] = set()
-    left = ["index.html"]
-    while left:
-        name = left.pop()
+    remaining = ["index.html"]
+    while remaining:
+        name = remaining.pop()
         if name not in seen and name != "12u.html":  # which `make site` adds
             seen.add(name)
             text = (html / name).read_text(encoding="utf-8")
-            left += [
+            remaining += [
                 os.path.relpath((html / name).parent / link, html)
                 for link in re.findall(r'href="([^"#:]+\.html)', text)
             ]

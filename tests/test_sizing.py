@@ -53,7 +53,7 @@ PYRAMID = np.array(
 
 
 def craft(**changes) -> Hardware:
-    given = {
+    values = {
         "axes_wheel": PYRAMID,
         "capacity": np.full(4, 0.05),
         "torque_limit": 1e-3,
@@ -66,7 +66,7 @@ def craft(**changes) -> Hardware:
         "arm": None,
         "specific_impulse": None,
     }
-    return Hardware(**{**given, **changes})
+    return Hardware(**{**values, **changes})
 
 
 def still(
@@ -101,8 +101,8 @@ def turning(seed=1) -> Flight:
     b = FIELD * np.cos(
         2.0 * pi * t / PERIOD * np.array([1.0, 2.0, 1.0]) + rng.uniform(0, 6, 3)
     )
-    given = 1e-6 * t + 1e-3 * np.sin(2.0 * pi * t / PERIOD + rng.uniform(0.0, 6.0, 3))
-    return replace(base, b=b, disturbance=given - given[0])
+    inputs = 1e-6 * t + 1e-3 * np.sin(2.0 * pi * t / PERIOD + rng.uniform(0.0, 6.0, 3))
+    return replace(base, b=b, disturbance=inputs - inputs[0])
 
 
 # --- momentum and the least rod -------------------------------------------------------
@@ -182,9 +182,9 @@ def test_where_the_field_stays_rods_do_nothing_along_it():
 # --- laws -----------------------------------------------------------------------------
 
 
-def cross_block(**given):
+def cross_block(**values):
     block = block_class("manager_cross_product")()
-    for name, value in {"gain": 2e-3, "sample_time": 10.0, **given}.items():
+    for name, value in {"gain": 2e-3, "sample_time": 10.0, **values}.items():
         setattr(block, name, value)
     return block
 
@@ -193,11 +193,13 @@ def test_a_law_is_what_its_block_says():
     """K h of the model is the dipole of the law's own function."""
     flight, rows = turning(), np.arange(0, 1000, 100)
     target = np.array([1e-3, 0.0, 0.0])
-    asked = ask(law_by(cross_block(), "x", target), flight, rows)
+    requests = ask(law_by(cross_block(), "x", target), flight, rows)
     h = np.array([3e-3, -1e-3, 2e-3])
     for k, row in enumerate(rows):
         expected = cross_product.normalised(tuple(h), tuple(flight.b[row]), 2e-3)
-        assert asked.gain[k] @ h + asked.offset[k] == pytest.approx(expected, rel=1e-12)
+        assert requests.gain[k] @ h + requests.offset[k] == pytest.approx(
+            expected, rel=1e-12
+        )
 
 
 @pytest.mark.parametrize("saturation", [True, False])
@@ -210,12 +212,12 @@ def test_the_model_steps_as_written_out(saturation):
     h, sizes, duty = flight.h_start.copy(), [np.linalg.norm(flight.h_start)], []
     for k in range(len(flight.times) - 1):
         away = h - target
-        wanted = np.zeros(3)
+        expected = np.zeros(3)
         if np.linalg.norm(away) > 4e-3:
-            wanted = np.array(
+            expected = np.array(
                 cross_product.normalised(tuple(away), tuple(flight.b[k]), 2e-3)
             )
-        coils = np.clip(wanted, -m, m)
+        coils = np.clip(expected, -m, m)
         duty.append(np.abs(coils).mean() / m)
         middle = (flight.b[k] + flight.b[k + 1]) / 2.0
         h = (
@@ -233,16 +235,16 @@ def test_the_model_steps_as_written_out(saturation):
 
 
 @pytest.mark.parametrize(
-    ("model", "given", "text"),
+    ("model", "values", "text"),
     [
         ("manager_closed_loop", {"centre_gain": 0.5}, "with memory"),
         ("manager_integrated", {}, "no law of the momentum alone"),
         ("manager_combined", {}, "no law of the momentum alone"),
     ],
 )
-def test_what_is_no_law_of_the_momentum_alone_is_refused(model, given, text):
+def test_what_is_no_law_of_the_momentum_alone_is_refused(model, values, text):
     block = block_class(model)()
-    for name, value in given.items():
+    for name, value in values.items():
         setattr(block, name, value)
     with pytest.raises(UnsuitedError, match=text):
         ask(
@@ -276,8 +278,8 @@ def test_a_law_of_ones_own_is_one_of_the_model():
             )
 
     flight = turning()
-    asked = ask(law_by(Mine(), "mine", np.zeros(3)), flight, np.arange(3))
-    assert asked.gain[1] @ np.array([1.0, 2.0, 3.0]) == pytest.approx(
+    requests = ask(law_by(Mine(), "mine", np.zeros(3)), flight, np.arange(3))
+    assert requests.gain[1] @ np.array([1.0, 2.0, 3.0]) == pytest.approx(
         0.5 * np.cross(flight.b[1], [1.0, 2.0, 3.0])
     )
 
@@ -286,7 +288,7 @@ def test_a_law_of_ones_own_is_one_of_the_model():
 
 
 @pytest.fixture(scope="module")
-def made():
+def reference_sizing():
     return size(
         NAME,
         Options(stop=20000.0),
@@ -296,18 +298,18 @@ def made():
     )
 
 
-def test_the_model_follows_the_closed_loop(made):
-    flown = [row for row in made.curve if row.loop_rms is not None]
-    assert [round(row.multiple, 6) for row in flown][:1] == [1.3]
-    assert len(flown) == 1, (
+def test_the_model_follows_the_closed_loop(reference_sizing):
+    flight = [row for row in reference_sizing.curve if row.loop_rms is not None]
+    assert [round(row.multiple, 6) for row in flight][:1] == [1.3]
+    assert len(flight) == 1, (
         "what is recommended holds on another day, beyond this day's curve"
     )
-    assert {row.law for row in flown} == {"cross product"} == {made.law}
-    for row in flown:
+    assert {row.law for row in flight} == {"cross product"} == {reference_sizing.law}
+    for row in flight:
         assert row.rms == pytest.approx(row.loop_rms, rel=0.02)
         assert row.largest == pytest.approx(row.loop_largest, rel=0.02)
         assert row.duty == pytest.approx(row.loop_duty, abs=0.01)
-    assert made.problems == ()
+    assert reference_sizing.problems == ()
 
 
 def test_a_slew_is_of_half_a_turn_at_most():
@@ -336,14 +338,18 @@ def test_the_model_follows_a_loop_whose_tachometers_are_noisy(monkeypatch):
     assert max(errors()) > 0.05
 
 
-def test_larger_rods_hold_less_and_work_less(made):
-    for law in {row.law for row in made.curve}:
-        rows = [row for row in made.curve if row.law == law]
+def test_larger_rods_hold_less_and_work_less(reference_sizing):
+    for law in {row.law for row in reference_sizing.curve}:
+        rows = [row for row in reference_sizing.curve if row.law == law]
         assert [r.rms for r in rows] == sorted((r.rms for r in rows), reverse=True)
         assert len(rows) >= len(CURVE_MULTIPLES)
-    assert made.recommended >= made.recommended_day >= 1.3 * made.least
-    assert made.recommended >= 1.3 * made.least_year
-    assert [b.law for b in made.best] == [
+    assert (
+        reference_sizing.recommended
+        >= reference_sizing.recommended_day
+        >= 1.3 * reference_sizing.least
+    )
+    assert reference_sizing.recommended >= 1.3 * reference_sizing.least_year
+    assert [b.law for b in reference_sizing.best] == [
         "cross product",
         "ccpl",
         "CP with gravity",
@@ -351,25 +357,33 @@ def test_larger_rods_hold_less_and_work_less(made):
     ]
 
 
-def test_the_sources_make_the_whole(made):
-    assert sum(s.along for s in made.sources) == pytest.approx(1.0, abs=1e-4)
-    assert made.unexplained < 1e-4 * np.linalg.norm(made.secular)
-    assert {s.name for s in made.sources} == set(flights.SOURCES)
+def test_the_sources_make_the_whole(reference_sizing):
+    assert sum(s.along for s in reference_sizing.sources) == pytest.approx(
+        1.0, abs=1e-4
+    )
+    assert reference_sizing.unexplained < 1e-4 * np.linalg.norm(
+        reference_sizing.secular
+    )
+    assert {s.name for s in reference_sizing.sources} == set(flights.SOURCES)
 
 
-def test_its_own_rods_are_in_the_curve_and_judged(made):
-    (row,) = [r for r in made.curve if r.rod == made.rod and r.law == made.law]
+def test_its_own_rods_are_in_the_curve_and_judged(reference_sizing):
+    (row,) = [
+        r
+        for r in reference_sizing.curve
+        if r.rod == reference_sizing.rod and r.law == reference_sizing.law
+    ]
     assert row.duty < 0.1
     assert "coils: duty by cross product with its rods" in [
-        m.name for m in made.margins
+        m.name for m in reference_sizing.margins
     ]
-    full = replace(made, curve=(replace(row, filled=1.2),))
+    full = replace(reference_sizing, curve=(replace(row, filled=1.2),))
     full = replace(full, margins=tuple(find_margins(full, 0.0)))
     (line,) = find_problems(full)
     assert "lets the fullest one come to" in line
 
 
-def test_slew_propellant_and_what_follows_by_hand(made):
+def test_slew_propellant_and_what_follows_by_hand(reference_sizing):
     system, _ = prepare(NAME, Options()).or_raise()
     hardware = flights.hardware_of(system)
     rate = 2.0 * radians(60.0) / 300.0
@@ -377,24 +391,31 @@ def test_slew_propellant_and_what_follows_by_hand(made):
         np.linalg.norm(row)
         for row in np.linalg.pinv(hardware.axes_wheel) @ hardware.inertia
     )
-    assert made.slew_momentum == pytest.approx(worst * rate)
-    assert made.slew_torque == pytest.approx(2.0 * made.slew_momentum / 300.0)
-    size_ = float(np.linalg.norm(made.secular))
+    assert reference_sizing.slew_momentum == pytest.approx(worst * rate)
+    assert reference_sizing.slew_torque == pytest.approx(
+        2.0 * reference_sizing.slew_momentum / 300.0
+    )
+    size_ = float(np.linalg.norm(reference_sizing.secular))
     straight = size_ * 365.25 * 86400.0 / (0.3 * 60.0 * 9.80665)
-    assert straight <= made.propellant_least <= made.propellant <= 3.0**0.5 * straight
-    assert made.tip_off == pytest.approx(
+    assert (
+        straight
+        <= reference_sizing.propellant_least
+        <= reference_sizing.propellant
+        <= 3.0**0.5 * straight
+    )
+    assert reference_sizing.tip_off == pytest.approx(
         np.linalg.eigvalsh(hardware.inertia)[-1] * radians(5.0)
     )
-    assert 0.0 < made.detumbling < 1e5
-    names = [m.name for m in made.margins]
+    assert 0.0 < reference_sizing.detumbling < 1e5
+    names = [m.name for m in reference_sizing.margins]
     assert "wheels: cyclic momentum and slew" in names
     assert "wheels: torque of the slew" in names
 
 
-def test_a_years_days_are_what_the_scenario_says_of_that_day(made):
+def test_a_years_days_are_what_the_scenario_says_of_that_day(reference_sizing):
     """A run begun at another date has the torque that the year says of it: within 1 %."""
-    assert len({d.day for d in made.year}) == YEAR_DATES
-    assert {d.activity for d in made.year} == {"low", "high"}
+    assert len({d.day for d in reference_sizing.year}) == YEAR_DATES
+    assert {d.activity for d in reference_sizing.year} == {"low", "high"}
     system, _ = prepare(NAME, Options()).or_raise()
     days = 28 * 4
     component = system.components["environment"]
@@ -405,7 +426,7 @@ def test_a_years_days_are_what_the_scenario_says_of_that_day(made):
         "environment.solar_activity": "high",
         "environment.raan": block.raan + block._drift[0] * 86400.0 * days,
     }
-    orbits = int(86400.0 / made.period) * made.period
+    orbits = int(86400.0 / reference_sizing.period) * reference_sizing.period
     then = size(
         NAME,
         Options(
@@ -413,7 +434,7 @@ def test_a_years_days_are_what_the_scenario_says_of_that_day(made):
         ),
         SizingRequirements(flown=False, year=False, laws=False),
     )
-    (day,) = [d for d in made.year if d.activity == "high"][4:5]
+    (day,) = [d for d in reference_sizing.year if d.activity == "high"][4:5]
     assert day.secular == pytest.approx(np.linalg.norm(then.secular), rel=0.01)
     assert day.least == pytest.approx(then.least_formula, rel=0.01)
 
@@ -434,14 +455,14 @@ def test_a_flight_without_a_run_is_that_of_a_run():
     nodes, times = np.arange(0.0, 20041.0, 120.0), np.arange(0.0, 20001.0, 10.0)
     block = flights.environment_block(system.components["environment"])
     inputs = flights.between(flights.inputs_at(block, nodes.tolist()), nodes, times)
-    made = flights.flown_at(system, attitude, inputs, times)
-    off = np.abs(made.b - run.b[::10]).max(axis=1) / np.abs(run.b).max()
+    reference_sizing = flights.flown_at(system, attitude, inputs, times)
+    off = np.abs(reference_sizing.b - run.b[::10]).max(axis=1) / np.abs(run.b).max()
     assert off.max() < 2e-4
     assert off[24:-24].max() < 3e-5
-    wanted, _ = secular(run)
-    found, _ = secular(made)
-    assert found == pytest.approx(wanted, abs=0.01 * np.linalg.norm(wanted))
-    assert made.body[1000:].mean(axis=0) == pytest.approx(
+    expected, _ = secular(run)
+    found, _ = secular(reference_sizing)
+    assert found == pytest.approx(expected, abs=0.01 * np.linalg.norm(expected))
+    assert reference_sizing.body[1000:].mean(axis=0) == pytest.approx(
         run.body[10000:].mean(axis=0), abs=2e-5
     )
 
@@ -469,9 +490,9 @@ def test_the_torque_of_an_independent_estimate():
 # --- crafts that nobody chose; all ten and a day each: `make sizing`, docs/sizing.md --
 
 
-@pytest.mark.parametrize("which", [1, 6])
-def test_unseen_crafts_are_within_5_percent_of_the_closed_loop(which):
-    craft = bench.drawn(10)[which]
+@pytest.mark.parametrize("kind", [1, 6])
+def test_unseen_crafts_are_within_5_percent_of_the_closed_loop(kind):
+    craft = bench.drawn(10)[kind]
     least, rows = bench.compare_model_with_loop(craft, (1.2, 2.5), 20000.0)
     assert least > 0.0
     assert bench.held(rows)
@@ -504,30 +525,32 @@ def test_a_map_says_of_its_orbit_what_the_model_says_of_a_run(tmp_path):
         (altitude,),
         (residual, 0.0),
     )
-    made = sizing_map.map_of(
+    reference_sizing = sizing_map.map_of(
         NAME, Options(stop=20000.0), axes, SizingRequirements(), jobs=1
     )
-    assert made.rms.shape == (1, 2, 1, 2, 2)
+    assert reference_sizing.rms.shape == (1, 2, 1, 2, 2)
     hardware = flights.hardware_of(system)
     torque, _ = secular(run)
     least = least_by_formula(reach(run, hardware), torque)
-    assert made.least[0, 0, 0] == pytest.approx(least, rel=0.01)
-    assert made.least[0, 0, 1] < made.least[0, 0, 0]
-    assert made.laws == ("cross product",)
+    assert reference_sizing.least[0, 0, 0] == pytest.approx(least, rel=0.01)
+    assert reference_sizing.least[0, 0, 1] < reference_sizing.least[0, 0, 0]
+    assert reference_sizing.laws == ("cross product",)
     # the run begins with filled wheels and turns a little, the map with empty ones at
     # rest
     law = law_of(system.components["manager"])
     empty = replace(run, h_start=run.body[5000:].mean(axis=0) - run.body[0])
     ours = fly([track_of(empty, law, hardware)], law, hardware, axes.rods)
     share = ours.wheel[0, 0] / smallest_wheel_capacity(hardware)
-    for name, wanted in (
+    for name, expected in (
         ("rms", ours.rms[0, 0]),
         ("duty", ours.duty[0, 0]),
         ("filled", share),
     ):
-        assert getattr(made, name)[0, 0, 0, 0] == pytest.approx(wanted, rel=0.03), name
-    assert made.as_json()["holds"] == made.holds.tolist()
-    page = sizing_page.write_map(made, tmp_path / "map.html").read_text()
+        assert getattr(reference_sizing, name)[0, 0, 0, 0] == pytest.approx(
+            expected, rel=0.03
+        ), name
+    assert reference_sizing.as_json()["holds"] == reference_sizing.holds.tolist()
+    page = sizing_page.write_map(reference_sizing, tmp_path / "map.html").read_text()
     assert page.count("<figcaption>") == 1
     assert "residual dipole" in page
 
@@ -560,9 +583,11 @@ def test_a_map_of_a_craft_that_moves_is_refused():
 # --- the command ----------------------------------------------------------------------
 
 
-def test_the_page_says_it_all(made, tmp_path):
-    page = sizing_page.write_sizing(made, tmp_path / "size.html").read_text()
-    assert made.answer in page
+def test_the_page_says_it_all(reference_sizing, tmp_path):
+    page = sizing_page.write_sizing(
+        reference_sizing, tmp_path / "size.html"
+    ).read_text()
+    assert reference_sizing.answer in page
     assert page.count("<figcaption>") == 5
     for text in (
         "Margins",
@@ -571,15 +596,15 @@ def test_the_page_says_it_all(made, tmp_path):
         "quasi-static LQR",
         "least rod, any law",
         "cross product, closed",
-        made.year[0].day,
+        reference_sizing.year[0].day,
     ):
         assert text in page
     assert "nan" not in page
-    json.dumps(made.as_json(), allow_nan=False)
+    json.dumps(reference_sizing.as_json(), allow_nan=False)
 
 
 def test_what_cannot_hold_ends_with_1(desat):
-    told = desat(
+    outcome = desat(
         "size",
         NAME,
         "--stop",
@@ -591,55 +616,65 @@ def test_what_cannot_hold_ends_with_1(desat):
         "torquers.m_limit=0.01",
         "--json",
     )
-    assert told.returncode == Exit.UNMET
-    made = json.loads(told.stdout)
-    assert made["rod"] == 0.01 < made["least"]
-    assert "cannot hold" in made["answer"]
+    assert outcome.returncode == Exit.UNMET
+    reference_sizing = json.loads(outcome.stdout)
+    assert reference_sizing["rod"] == 0.01 < reference_sizing["least"]
+    assert "cannot hold" in reference_sizing["answer"]
     assert (
         "it cannot hold: rods of 0.01 A m2: the secular torque"
-        in told.stderr.replace("\n", " ")
+        in outcome.stderr.replace("\n", " ")
     )
 
 
-def test_wheels_below_the_cyclic_momentum_and_no_rod_at_all_are_said(made):
-    full = replace(made, wheel_capacity=0.9 * made.wheel_needed, least=np.inf)
+def test_wheels_below_the_cyclic_momentum_and_no_rod_at_all_are_said(reference_sizing):
+    full = replace(
+        reference_sizing,
+        wheel_capacity=0.9 * reference_sizing.wheel_needed,
+        least=np.inf,
+    )
     rods, wheels = find_problems(full)
     assert rods.startswith("no rod takes the secular torque out")
     assert wheels.startswith(
         f"wheels of {format_momenta(full.wheel_capacity)}: the cyclic momentum"
     )
     enough = replace(
-        made,
-        rod=made.least,
+        reference_sizing,
+        rod=reference_sizing.least,
         margins=(),
         wheel_torque=inf,
-        wheel_capacity=made.wheel_needed + made.slew_momentum,
+        wheel_capacity=reference_sizing.wheel_needed + reference_sizing.slew_momentum,
     )
     assert find_problems(enough) == []
     assert (
         "slew need"
-        in find_problems(replace(enough, wheel_capacity=made.wheel_needed))[0]
+        in find_problems(replace(enough, wheel_capacity=reference_sizing.wheel_needed))[
+            0
+        ]
     )
     assert "the slew needs" in find_problems(replace(enough, wheel_torque=1e-9))[0]
     worst = replace(
-        enough, margins=tuple(find_margins(enough, 3.0 * made.least_formula))
+        enough,
+        margins=tuple(find_margins(enough, 3.0 * reference_sizing.least_formula)),
     )
     assert "worst day of the year" in find_problems(worst)[0]
 
 
 def test_a_law_that_the_model_has_not_is_said():
-    made = size(
+    reference_sizing = size(
         "integrated/mil-nadir",
         Options(stop=12000.0),
         SizingRequirements(flown=False, year=False),
     )
-    assert made.law == "cross product"
-    assert any("manager_integrated: closed loop only" in line for line in made.notes)
-    assert made.least > 0.0
+    assert reference_sizing.law == "cross product"
+    assert any(
+        "manager_integrated: closed loop only" in line
+        for line in reference_sizing.notes
+    )
+    assert reference_sizing.least > 0.0
 
 
 @pytest.mark.parametrize(
-    ("target", "options", "given", "text"),
+    ("target", "options", "values", "text"),
     [
         (NAME, Options(stop=600.0), {}, "an orbit 5717 s: at least one is needed"),
         (
@@ -658,12 +693,12 @@ def test_a_law_that_the_model_has_not_is_said():
         ("plant/light", Options(), {}, "no torquers: a craft with environment,"),
     ],
 )
-def test_what_cannot_be_sized_is_refused(target, options, given, text):
+def test_what_cannot_be_sized_is_refused(target, options, values, text):
     with pytest.raises(DesatError, match=text):
-        size(target, options, SizingRequirements(**given, flown=False, year=False))
+        size(target, options, SizingRequirements(**values, flown=False, year=False))
 
 
-def test_a_bias_fills_the_wheels(made):
+def test_a_bias_fills_the_wheels(reference_sizing):
     options = Options(stop=20000.0, sets=["manager.h_target_body=0,0.1,0"])
     with_bias = size(
         NAME, options, SizingRequirements(flown=False, year=False, laws=False)
@@ -674,11 +709,13 @@ def test_a_bias_fills_the_wheels(made):
         )
         @ [0.0, 0.1, 0.0]
     ).max()
-    assert with_bias.wheel_needed == pytest.approx(made.wheel_needed + spread, rel=0.05)
+    assert with_bias.wheel_needed == pytest.approx(
+        reference_sizing.wheel_needed + spread, rel=0.05
+    )
 
 
 def test_a_map_by_the_command(desat):
-    told = desat(
+    outcome = desat(
         "size",
         NAME,
         "--map",
@@ -697,11 +734,13 @@ def test_a_map_by_the_command(desat):
         "--json",
         check=True,
     )
-    made = json.loads(told.stdout)
-    assert made["axes"]["altitudes"] == [500e3]
-    assert made["laws"] == ["cross product"]
-    assert np.shape(made["rms"]) == (1, 1, 1, 1, 2)
-    assert made["rms"][0][0][0][0][1] < made["rms"][0][0][0][0][0]
+    reference_sizing = json.loads(outcome.stdout)
+    assert reference_sizing["axes"]["altitudes"] == [500e3]
+    assert reference_sizing["laws"] == ["cross product"]
+    assert np.shape(reference_sizing["rms"]) == (1, 1, 1, 1, 2)
+    assert (
+        reference_sizing["rms"][0][0][0][0][1] < reference_sizing["rms"][0][0][0][0][0]
+    )
 
 
 @pytest.mark.parametrize(
@@ -713,23 +752,23 @@ def test_a_map_by_the_command(desat):
     ],
 )
 def test_options_that_make_no_sense_are_refused(desat, arguments, text):
-    told = desat("size", NAME, *arguments)
-    assert told.returncode == Exit.INPUT
-    assert text in told.stderr.replace("\n", " ")
+    outcome = desat("size", NAME, *arguments)
+    assert outcome.returncode == Exit.INPUT
+    assert text in outcome.stderr.replace("\n", " ")
 
 
 def test_where_no_law_fits_the_least_rod_is_the_answer():
     """One wheel and a boom: a cross product that takes wheels about three axes was said
     to do."""
-    made = size(
+    reference_sizing = size(
         "alsat1/ours-case-a",
         Options(stop=7000.0),
         SizingRequirements(flown=False, year=False),
     )
-    assert made.best == ()
+    assert reference_sizing.best == ()
     assert (
-        f"the least rod of any law is {made.least:.3g} A m2 (the model has no law"
-        in made.answer
+        f"the least rod of any law is {reference_sizing.least:.3g} A m2 (the model has no law"
+        in reference_sizing.answer
     )
 
 
@@ -739,28 +778,39 @@ def test_where_no_law_fits_the_least_rod_is_the_answer():
 def test_a_craft_whose_rods_do_not_hold_on_the_worst_day(tmp_path):
     """It began, green, with the day of the scenario; what is recommended then meets
     that day. `make sizing` tries thirty crafts so."""
-    wanted = CraftFacts(size="12U", altitude="400km", inclination="51.6deg", rods="0.2")
-    new_craft.write(tmp_path / "my12u", wanted, "desat new craft")
-    given = Options(values={"torquers.m_limit": 0.0384})
-    made = size(str(tmp_path / "my12u"), given, SizingRequirements(laws=False))
-    assert made.least < 0.0384 < made.least_year < made.recommended
+    facts = CraftFacts(size="12U", altitude="400km", inclination="51.6deg", rods="0.2")
+    new_craft.write(tmp_path / "my12u", facts, "desat new craft")
+    options = Options(values={"torquers.m_limit": 0.0384})
+    reference_sizing = size(
+        str(tmp_path / "my12u"), options, SizingRequirements(laws=False)
+    )
+    assert (
+        reference_sizing.least
+        < 0.0384
+        < reference_sizing.least_year
+        < reference_sizing.recommended
+    )
     assert any(
-        "the worst day of the year needs at least" in line for line in made.problems
+        "the worst day of the year needs at least" in line
+        for line in reference_sizing.problems
     )
     assert any(
         line.startswith("worst.toml with its rods of 0.0384 A m2: momentum: ")
-        for line in made.problems
+        for line in reference_sizing.problems
     )
-    assert f"Rods of {made.recommended:.3g} A m2 do." in made.answer
-    text = made.as_json()
-    assert text["recommended"] == made.recommended > text["recommended_day"]
-    recommended = Options(values={"torquers.m_limit": made.recommended})
+    assert (
+        f"Rods of {reference_sizing.recommended:.3g} A m2 do."
+        in reference_sizing.answer
+    )
+    text = reference_sizing.as_json()
+    assert text["recommended"] == reference_sizing.recommended > text["recommended_day"]
+    recommended = Options(values={"torquers.m_limit": reference_sizing.recommended})
     assert (
         execute(str(tmp_path / "my12u" / "worst.toml"), recommended).manifest.not_met
         == []
     )
     assert text["detumbling_recommended"] == pytest.approx(
-        made.detumbling * 0.0384 / made.recommended
+        reference_sizing.detumbling * 0.0384 / reference_sizing.recommended
     )
 
 
@@ -794,7 +844,7 @@ def geo(**sets):
     # along x of eci
     q = np.stack([0 * turn, 0 * turn, 0 * turn, 0 * turn], axis=1)
     q[:, 2], q[:, 3] = np.sin(turn / 2.0), np.cos(turn / 2.0)
-    made = Flight(
+    reference_sizing = Flight(
         times,
         86164.0,
         times[:, None] * np.array([76.9e-6, 0.0, 0.0]),
@@ -808,7 +858,9 @@ def geo(**sets):
         rows * [0.0, 3e3, 0.0],
         0.0 * rows * np.ones(3),
     )
-    return made, craft(arm=1.5, specific_impulse=220.0, axes_wheel=GEO_WHEELS, **sets)
+    return reference_sizing, craft(
+        arm=1.5, specific_impulse=220.0, axes_wheel=GEO_WHEELS, **sets
+    )
 
 
 GEO_WHEELS = np.array([[1, -1, -1, 1], [1, 1, -1, -1], [1, 1, 1, 1]]) / 3.0**0.5
@@ -850,11 +902,13 @@ specific_impulse = "70 s"
 """
     )
     assert end > begin
-    made = size(
+    reference_sizing = size(
         str(tmp_path / "jets"),
         Options(stop=12000.0),
         SizingRequirements(year=False, flown=False, laws=False),
     )
-    assert made.propellant is not None
+    assert reference_sizing.propellant is not None
     # one nozzle at 0.4 m each way; the pair has the arm of half its largest side
-    assert made.propellant == pytest.approx(pairs.propellant * 0.183 / 0.4, rel=0.02)
+    assert reference_sizing.propellant == pytest.approx(
+        pairs.propellant * 0.183 / 0.4, rel=0.02
+    )

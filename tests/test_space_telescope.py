@@ -129,17 +129,17 @@ def test_the_field_product_is_that_of_skew_matrices(b, axes):
 
 @settings(max_examples=10)
 @given(st.lists(fields, min_size=4, max_size=9), vectors, mountings)
-def test_eq_3_the_open_loop_gives_the_wanted_momentum_exactly(course, wanted, axes):
+def test_eq_3_the_open_loop_gives_the_wanted_momentum_exactly(course, expected, axes):
     s, dt = laws.weighting(axes), 50.0
     products = np.array([laws.field_product(b, s) for b in course])
-    whole = tuple((dt * products.sum(axis=0)).tolist())
-    if laws.condition(whole) > 1e4:
+    full = tuple((dt * products.sum(axis=0)).tolist())
+    if laws.condition(full) > 1e4:
         return
-    p = laws.open_loop_costate(whole, wanted)
+    p = laws.open_loop_costate(full, expected)
     given_momentum = np.zeros(3)
     for b in course:
         given_momentum += dt * np.array(cross(laws.open_loop_dipole(p, b, s), b))
-    assert given_momentum == pytest.approx(wanted, abs=1e-9)
+    assert given_momentum == pytest.approx(expected, abs=1e-9)
 
 
 @settings(max_examples=20)
@@ -205,7 +205,7 @@ def test_a_profile_s_rows_keep_to_their_period():
 def updates(truth, count, noise=0.0, seed=1):
     """Estimates, covariances and the coil found lost after each of `count` updates of
     50 s."""
-    random, x, p, lost = (
+    random, x, p, missing = (
         np.random.default_rng(seed),
         learning.FIRST,
         learning.first_covariance(),
@@ -220,8 +220,8 @@ def updates(truth, count, noise=0.0, seed=1):
         rows = learning.effects(50.0, gravity, COILS, coils, b)
         change = np.reshape(rows, (3, 5)) @ truth + noise * random.normal(size=3)
         x, p = learning.update(x, p, tuple(change.tolist()), rows, 0.1, 0.01)
-        lost = learning.find_lost_coil(x, p, lost)
-        found.append((x, p, lost))
+        missing = learning.find_lost_coil(x, p, missing)
+        found.append((x, p, missing))
     return found
 
 
@@ -233,8 +233,11 @@ def test_without_noise_the_scale_and_each_coil_are_found_and_the_dead_one_is_nam
     truth[dead] = 0.0
     found = updates(truth, 60)
     assert found[-1][0] == pytest.approx(truth, abs=2e-3)
-    assert [lost for _, _, lost in found[20:]] == [dead] * 40
-    assert {lost for _, _, lost in found} == {0, dead}  # no other is ever taken for it
+    assert [missing for _, _, missing in found[20:]] == [dead] * 40
+    assert {missing for _, _, missing in found} == {
+        0,
+        dead,
+    }  # no other is ever taken for it
 
 
 def test_the_filter_is_that_of_information_form():
@@ -244,8 +247,8 @@ def test_the_filter_is_that_of_information_form():
     )
     change, x = np.array([1.0, -2.0, 3.0]), np.ones(5)
     prior = np.linalg.inv(p + 0.01**2 * np.eye(5))
-    whole = prior + rows.T @ rows / 0.3**2
-    wanted = np.linalg.solve(whole, prior @ x + rows.T @ change / 0.3**2)
+    full = prior + rows.T @ rows / 0.3**2
+    expected = np.linalg.solve(full, prior @ x + rows.T @ change / 0.3**2)
     found, spread = learning.update(
         learning.FIRST,
         learning.first_covariance(),
@@ -254,15 +257,15 @@ def test_the_filter_is_that_of_information_form():
         0.3,
         0.01,
     )
-    assert found == pytest.approx(wanted, rel=1e-9)
+    assert found == pytest.approx(expected, rel=1e-9)
     assert np.reshape(spread, (5, 5)) == pytest.approx(
-        np.linalg.inv(whole), rel=1e-7, abs=1e-12
+        np.linalg.inv(full), rel=1e-7, abs=1e-12
     )
 
 
 def test_noise_as_large_as_said_makes_no_coil_lost_and_a_whole_one_is_no_more():
     found = updates(np.ones(5), 2000, 0.1)
-    assert {lost for _, _, lost in found} == {0}
+    assert {missing for _, _, missing in found} == {0}
     assert np.abs(np.array(found[-1][0]) - 1.0).max() < 0.3
     x, p, _ = updates(np.array([1.0, 1.0, 0.0, 1.0, 1.0]), 60)[-1]
     assert learning.find_lost_coil(x, p, 0) == 2
@@ -364,7 +367,7 @@ def test_a_weight_on_the_fastest_wheel_slows_it():
 def test_the_cheapest_course_is_found_in_a_few_steps(monkeypatch):
     steps, once = [], offline._newton
     monkeypatch.setattr(
-        offline, "_newton", lambda *given: steps.append(1) or once(*given)
+        offline, "_newton", lambda *values: steps.append(1) or once(*values)
     )
     offline.cheapest(a_course(), np.full(3, 100.0), 1e6, 15.0, np.zeros(3))
     assert 3 < len(steps) < 20
@@ -523,19 +526,19 @@ def test_with_a_coil_lost_its_own_costates_are_used_where_there_are_some():
 
 
 def test_a_period_of_one_sample_is_singular_and_the_law_says_so():
-    for what, held in (("hold", 0), ("none", 1)):
+    for subject, held in (("hold", 0), ("none", 1)):
         block = manager(
             "manager_open_loop", desaturation_period=50.0, update_period=50.0
         )
         block.on_singular = held
         stepped(block)
-        assert block.condition > 1e12, what
+        assert block.condition > 1e12, subject
         assert block.mode == FALLBACK
         assert block.m_cmd_body == (0.0, 0.0, 0.0)  # there was none before
 
 
 def test_a_costate_that_turns_bad_leaves_the_last_command_or_none():
-    for what, held in (("hold", 0), ("none", 1)):
+    for subject, held in (("hold", 0), ("none", 1)):
         block = manager("manager_open_loop", on_singular=held, table_nodes=20)
         stepped(block)
         assert block.mode == DUMPING
@@ -543,7 +546,7 @@ def test_a_costate_that_turns_bad_leaves_the_last_command_or_none():
         before = block.m_cmd_body
         block.condition_limit = 1.0
         stepped(block, 4, 1)
-        assert block.mode == FALLBACK, what
+        assert block.mode == FALLBACK, subject
         assert any(before)
         assert any(block.m_cmd_body) != bool(held)
 
@@ -633,11 +636,11 @@ def test_a_run_on_tables_of_another_attitude_or_beyond_them_is_refused_before_it
 def test_a_kept_design_is_that_of_today_s_code():
     for name in ("mixed-me-nominal", "ours-nominal"):
         scenario = find(f"{FAMILY}/{name}")
-        made = making.design(scenario).parameters
-        kept = scenario.parameters()["manager"]
-        for key, value in made.items():
-            scale = np.abs(np.array(kept[key], float)).max()
-            assert np.array(kept[key]) == pytest.approx(
+        result = making.design(scenario).parameters
+        saved = scenario.parameters()["manager"]
+        for key, value in result.items():
+            scale = np.abs(np.array(saved[key], float)).max()
+            assert np.array(saved[key]) == pytest.approx(
                 np.array(value), abs=1e-6 * scale
             ), key
 
@@ -695,9 +698,9 @@ def test_in_flight_the_dead_coil_is_found_and_how_wrong_gravity_gradient_is_know
         values={"manager.inertia_scale": 0.8},
     )
     run = execute(f"{FAMILY}/ours-dead-unknown", options).or_raise("learns")
-    lost = run.results.values("manager.lost_coil").astype(int).ravel()
-    assert set(lost.tolist()) == {0, 1}
-    assert lost[-1] == 1
+    lost_coils = run.results.values("manager.lost_coil").astype(int).ravel()
+    assert set(lost_coils.tolist()) == {0, 1}
+    assert lost_coils[-1] == 1
     assert run.results.values("manager.effectiveness")[-1] == pytest.approx(
         [0, 1, 1, 1], abs=0.05
     )
@@ -717,8 +720,8 @@ def test_a_design_says_when_a_wheel_is_large_in_one_way():
             "lost_momentum_weight = .*: above 0 is needed",
         ),
     ):
-        asked = scenario.content.design.written | change
-        about = {k: v for k, v in asked.items() if v is not None}
+        requests = scenario.content.design.written | change
+        about = {k: v for k, v in requests.items() if v is not None}
         other = dataclasses.replace(
             scenario, content=but(scenario.content, design=about)
         )

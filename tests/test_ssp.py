@@ -74,15 +74,15 @@ def test_what_other_tools_make_otherwise_is_said(packed, tmp_path, desat):
     slow.write_text('extends = "nadir_day/day-dipole"\n[step_ratio]\nenvironment = 2\n')
     fmu = paths.fmus() / "fmi3" / "rate_gyro.fmu"
     third.write_text(f'extends = "nadir_day/day-dipole"\nsources.gyro = "{fmu}"\n')
-    for file, said in (
+    for file, message in (
         (slow, "environment: slower than the step"),
         (third, "gyro: of FMI 3.0"),
     ):
         done = desat("pack", str(file), check=True)
         (line,) = done.stderr.splitlines()
         assert line.startswith(f"note: nadir_day/{file.stem}: ")
-        assert said in line
-        assert said in _description(file.with_suffix(".ssp"))
+        assert message in line
+        assert message in _description(file.with_suffix(".ssp"))
 
 
 def test_packing_is_reproducible(packed, tmp_path):
@@ -129,9 +129,9 @@ def test_there_are_crafts_of_every_family():
 
 
 def test_every_scenario_has_a_title_and_a_story():
-    for given in scenarios().values():
-        assert given.content.title
-        assert given.content.description
+    for inputs in scenarios().values():
+        assert inputs.content.title
+        assert inputs.content.description
 
 
 def test_every_cell_of_tables_2_and_3_is_a_scenario():

@@ -39,8 +39,8 @@ def run(target: str, **options):
 def test_it_ends_where_the_measure_says(scenario):
     """At the row where all elements have been below for so long, as `first_below` has
     it."""
-    whole = run(NAME, stop=300.0)
-    sizes = np.abs(whole.results.values(RATE))
+    full = run(NAME, stop=300.0)
+    sizes = np.abs(full.results.values(RATE))
     limit = float(np.sort(sizes.max(axis=1))[len(sizes) // 2])
     number = (
         f"[numbers.first]\nsignal = '{RATE}'\nmeasure = 'first_below'\nunit = 's'\n"
@@ -49,25 +49,25 @@ def test_it_ends_where_the_measure_says(scenario):
     ended = run(
         scenario(f"signal = '{RATE}'\nbelow = {limit!r}\nheld = 5.0", number + options)
     )
-    good, step = (sizes < limit).all(axis=1), whole.manifest["step"]
+    good, step = (sizes < limit).all(axis=1), full.manifest["step"]
     rows = round(5.0 / step)
     first = next(i for i in range(len(good)) if good[i : i + rows + 1].all())
     assert ended.manifest["status"] == "completed"
     assert ended.manifest["stopped_when"]["time"] == pytest.approx(
         (first + rows) * step
     )
-    assert ended.manifest["steps_done"] == first + rows < whole.manifest["steps_done"]
+    assert ended.manifest["steps_done"] == first + rows < full.manifest["steps_done"]
     assert ended.manifest["numbers"]["first"]["value"] == pytest.approx(first * step)
     assert np.array_equal(
-        ended.results.values(RATE), whole.results.values(RATE)[: first + rows + 1]
+        ended.results.values(RATE), full.results.values(RATE)[: first + rows + 1]
     )
 
 
 @pytest.mark.parametrize("algorithm", ["gauss_seidel", "jacobi"])
 def test_above_is_met_by_any_element_and_need_not_be_recorded(scenario, algorithm):
     name = "wheels.h_wheel"
-    whole = run(NAME, stop=300.0, algorithm=algorithm)
-    sizes = np.abs(whole.results.values(name)).max(axis=1)
+    full = run(NAME, stop=300.0, algorithm=algorithm)
+    sizes = np.abs(full.results.values(name)).max(axis=1)
     limit = float(sizes[len(sizes) // 3 :].max()) * 0.999
     k = max(1, int(np.flatnonzero(sizes > limit)[0]))
     target = scenario(f"signal = '{name}'\nabove = {1e3 * limit!r}\nunit = 'mN.m.s'")

@@ -84,10 +84,19 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None or sys.platform != "linux":
         pytest.skip("needs Linux and a C compiler")
-    made = tmp_path_factory.mktemp("manager") / "manager.so"
-    command = [compiler, "-shared", "-fPIC", "-O1", "-o", str(made), str(SOURCE), "-lm"]
+    shared_library = tmp_path_factory.mktemp("manager") / "manager.so"
+    command = [
+        compiler,
+        "-shared",
+        "-fPIC",
+        "-O1",
+        "-o",
+        str(shared_library),
+        str(SOURCE),
+        "-lm",
+    ]
     subprocess.run(command, check=True)
-    return made.read_bytes()
+    return shared_library.read_bytes()
 
 
 def fmu(path: Path, library: bytes, text: str) -> Path:
@@ -227,7 +236,7 @@ def test_where_that_closes_a_circle_it_is_taken_a_step_late(
     )
     case = prepare(str(folder), Options(step=1.0))
     _, schedule = case.or_raise()
-    assert {when for _, when in schedule.timing} == {"one step late"}
+    assert {moment for _, moment in schedule.timing} == {"one step late"}
     assert "are taken one step late, as they close a circle" in "\n".join(
         case.checked.warnings
     )
@@ -251,7 +260,7 @@ def test_faults_against_the_standard_are_warnings(
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "message"),
     [
         (
             'fmiVersion="2.0"',
@@ -266,10 +275,10 @@ def test_faults_against_the_standard_are_warnings(
     ],
 )
 def test_what_cannot_run_is_refused_by_name(
-    tmp_path: Path, library: bytes, old: str, new: str, told: str
+    tmp_path: Path, library: bytes, old: str, new: str, message: str
 ) -> None:
     path = fmu(tmp_path / "old.fmu", library, description().replace(old, new))
-    with pytest.raises(DesatError, match=rf"old\.fmu: {told}"):
+    with pytest.raises(DesatError, match=rf"old\.fmu: {message}"):
         prepare("nadir_day/day-dipole", Options(sources=[f"manager={path}"])).or_raise()
 
 

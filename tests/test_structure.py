@@ -137,9 +137,9 @@ def test_rooms_import_from_those_below_them():
         for target in imported(module, file, known, "desat")
     }
     upward = {
-        (room, other)
-        for room, other in rooms
-        if other in ROOMS and ROOMS.index(room) < ROOMS.index(other)
+        (package, other)
+        for package, other in rooms
+        if other in ROOMS and ROOMS.index(package) < ROOMS.index(other)
     }
     assert upward == set()
     sizes = Counter(p.parent for p in HOME.rglob("*.py"))
@@ -153,8 +153,8 @@ def test_no_room_imports_one_behind_a_wall():
     beyond = []
     for module, file in known.items():
         for target in imported(module, file, known, "desat"):
-            room = target.partition(".")[0]
-            if room in WALLED and module.partition(".")[0] != room:
+            package = target.partition(".")[0]
+            if package in WALLED and module.partition(".")[0] != package:
                 beyond.append(f"{module} imports {target}")
     assert beyond == []
 
@@ -167,15 +167,17 @@ sys.meta_path = [finder for finder in sys.meta_path if "__editable__" not in str
 """
 
 
-@pytest.fixture(scope="module", params=[room for room in WALLED if room not in ABSENT])
+@pytest.fixture(
+    scope="module", params=[package for package in WALLED if package not in ABSENT]
+)
 def without(request, tmp_path_factory):
     """The room that a copy of the package is without, and Python code run with that
     copy."""
-    room, folder = request.param, tmp_path_factory.mktemp("without")
+    package, folder = request.param, tmp_path_factory.mktemp("without")
     shutil.copytree(
         HOME, folder / "desat", ignore=shutil.ignore_patterns("__pycache__")
     )
-    shutil.rmtree(folder / "desat" / room)
+    shutil.rmtree(folder / "desat" / package)
     for name in ("components", "fmus"):
         (folder / "desat" / name).symlink_to(ROOT / name)
     for name in ("ssp", "docs", "fmus"):
@@ -191,7 +193,7 @@ def without(request, tmp_path_factory):
         )
         return done.returncode, done.stdout + done.stderr
 
-    return room, run
+    return package, run
 
 
 COMMAND = "from desat.cli import main; main()"
@@ -208,25 +210,25 @@ def test_the_core_works_without_a_room(without):
 
 
 def test_commands_of_an_absent_room_are_not_listed(without):
-    room, run = without
+    package, run = without
     listed = run(COMMAND, "--help")[1] + run(COMMAND, "export", "--help")[1]
     assert "bound" in listed
     for other, names in COMMANDS_OF.items():
         for name in names:
-            assert (f"\n  {name} " in listed) == (other not in (room, *ABSENT)), name
+            assert (f"\n  {name} " in listed) == (other not in (package, *ABSENT)), name
 
 
 def test_what_an_absent_room_does_is_refused_in_a_line(without):
-    room, run = without
-    if room == "papers":
+    package, run = without
+    if package == "papers":
         lines = {
             "check uosat12/fig2-ccpl-1": "uosat12/fig2-ccpl-1: [design]",
             "check uosat12/fig2-ccpl-1 --design now": "--design now",
         }
-        for command, asked in lines.items():
+        for command, requests in lines.items():
             code, text = run(COMMAND, *command.split())
-            what = "designs are computed by desat.papers, which is not installed"
-            assert (code, text) == (2, f"error: {asked}: {what}\n")
+            subject = "designs are computed by desat.papers, which is not installed"
+            assert (code, text) == (2, f"error: {requests}: {subject}\n")
         code, text = run("import desat; desat.tables")
         assert text.endswith(
             "desat.tables needs desat.papers, which is not installed\n"
@@ -255,7 +257,7 @@ def test_every_package_is_in_the_wheel():
     listed = [
         name
         for name in listed
-        if name.split(".")[1:2] not in [[room] for room in ABSENT]
+        if name.split(".")[1:2] not in [[package] for package in ABSENT]
     ]
     assert sorted(listed) == sorted(found | data)
     assert not {f"desat.{p.name}" for p in HOME.iterdir()} & data, (

@@ -84,10 +84,10 @@ def test_a_drawn_value_that_is_refused_is_named(other):
         "dispersions.wheels.h_start_wheel: wheels: h_start_wheel",
     )
     target = other(f"dispersions.{key} = {{ uniform = [-0.2, 0.8] }}")
-    where = f"{target}: dispersions.wheels.speed_limit"
+    place = f"{target}: dispersions.wheels.speed_limit"
     for draw, text in (
-        (6, f"{target}: draw 6: {where}: wheels.speed_limit = -0.032233 rad/s"),
-        (0, f"speed_limit from {where}"),
+        (6, f"{target}: draw 6: {place}: wheels.speed_limit = -0.032233 rad/s"),
+        (0, f"speed_limit from {place}"),
     ):
         with pytest.raises(DesatError, match=re.escape(text)) as error:
             one(read(target), SHORT, 1, draw)
@@ -165,8 +165,10 @@ def test_a_drawn_parameter_is_no_axis_of_draws():
     (name,) = common(read(NAME), read(NAME), 1, SHORT, SHORT)["drawn_in_both"][:1]
     with pytest.raises(DesatError, match=f"{name} is sampled"):
         sweep(NAME, {name: [1.0]}, SHORT, 1, draws=2)
-    given = draws(NAME, 1, 1, Options(blocks=True, stop=10.0, sets=[f"{name}=1"]), 1)
-    assert f"--set {name}: it is sampled, and so never has this value" in given.warnings
+    options = draws(NAME, 1, 1, Options(blocks=True, stop=10.0, sets=[f"{name}=1"]), 1)
+    assert (
+        f"--set {name}: it is sampled, and so never has this value" in options.warnings
+    )
 
 
 def test_commands(desat):

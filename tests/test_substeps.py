@@ -53,7 +53,7 @@ SKEW = 3.0**-0.5
 CRAFT = Path(scenario.ROOT / "gyrostat")
 
 
-def flown(name, **options):
+def fly(name, **options):
     """Errors of a run, attitude (rad) and momentum (N m s), and its manifest."""
     case = prepare(name, Options(**options))
     system, _ = case.or_raise()
@@ -66,7 +66,7 @@ def flown(name, **options):
     return difference(q, h, ideal.q, ideal.h), run.manifest
 
 
-def own(folder, text="", name="own", craft=None):
+def write_own(folder, text="", name="own", craft=None):
     """A scenario of somebody's, in a folder with the craft of the gyrostat's; its path."""
     (folder / "craft.toml").write_text(craft or (CRAFT / "craft.toml").read_text())
     common = (CRAFT / "scenarios" / "common.toml").read_text()
@@ -90,7 +90,7 @@ def holds(manifest, error):
 
 @pytest.mark.parametrize("name", CASES)
 def test_auto_on_the_gyrostats(name):
-    (error, _), manifest = flown(f"gyrostat/{name}", substeps=AUTO)
+    (error, _), manifest = fly(f"gyrostat/{name}", substeps=AUTO)
     holds(manifest, error)
 
 
@@ -174,7 +174,7 @@ def test_auto_on_random_craft():
             assert amplifies(name, values), seed
             refused += 1
         else:
-            (error, _), manifest = flown(name, substeps=AUTO, stop=200.0, values=values)
+            (error, _), manifest = fly(name, substeps=AUTO, stop=200.0, values=values)
             holds(manifest, error)
     assert refused <= 1
 
@@ -221,10 +221,10 @@ def test_strong_jets_are_warned_of():
     values["wheels.h_start_wheel"] = [0.02, -0.01, 0.03, 0.0]
     case = prepare("gyrostat/pulses", Options(substeps=1, values=values))
     assert any("largest torque of thrusters" in w for w in case.checked.warnings)
-    (error, _), manifest = flown("gyrostat/pulses", substeps=1, values=values)
+    (error, _), manifest = fly("gyrostat/pulses", substeps=1, values=values)
     assert error > 1e-4
     assert any("torque of all actuators" in w for w in manifest["warnings"])
-    (error, _), manifest = flown("gyrostat/pulses", substeps=AUTO, values=values)
+    (error, _), manifest = fly("gyrostat/pulses", substeps=AUTO, values=values)
     holds(manifest, error)
     assert not any("substeps" in w for w in manifest["warnings"])
 
@@ -266,7 +266,7 @@ def test_a_fast_motor_is_nothing_to_warn_of():
 @pytest.mark.parametrize("names", [("environment",), ("spacecraft", "wheels")])
 def test_step_ratios_says_what_it_costs(tmp_path, names):
     text = "substeps = 1\n[step_ratio]\n" + "".join(f"{n} = 2\n" for n in names)
-    case = prepare(own(tmp_path, text), Options())
+    case = prepare(write_own(tmp_path, text), Options())
     system, _ = case.or_raise()
     ideal = Gyrostat(system).ideal()
     run = simulate(case)
@@ -281,7 +281,8 @@ def test_step_ratios_says_what_it_costs(tmp_path, names):
     )
     # what takes samples steps as rarely for nothing
     case = prepare(
-        own(tmp_path, "[step_ratio]\nguidance = 2\n", "computers"), Options(substeps=1)
+        write_own(tmp_path, "[step_ratio]\nguidance = 2\n", "computers"),
+        Options(substeps=1),
     )
     assert "decimated" not in simulate(case).manifest
 
@@ -295,7 +296,7 @@ def test_jitter_has_its_place_in_the_warning(tmp_path):
             '"spacecraft.tau_ext_body" = "wheels.tau_jitter_body"',
         )
     )
-    target = own(tmp_path, "stop = 100", craft=craft)
+    target = write_own(tmp_path, "stop = 100", craft=craft)
     values = LIGHT | {
         "wheels.unbalance": 1e-6,
         "wheels.h_start_wheel": [0.02, -0.01, 0.03, 0.0],
@@ -309,8 +310,8 @@ def test_jitter_has_its_place_in_the_warning(tmp_path):
     truth = flown_with(1000)[1]
     error = float(np.radians(pointing(q, truth)).max())
     (line,) = (w for w in warned if "jitter of unbalanced" in w)
-    said = float(line.split("error of about ")[1].split(" ")[0])
-    assert 1.0 < said / error < 10.0
+    stated = float(line.split("error of about ")[1].split(" ")[0])
+    assert 1.0 < stated / error < 10.0
     quiet = {**values, "wheels.unbalance": 0.0}
     warnings = prepare(target, Options(values=quiet)).checked.warnings
     assert not any("jitter of unbalanced" in w for w in warnings)
@@ -327,23 +328,23 @@ def test_the_scenarios_of_ours_state_theirs():
 
 
 def test_a_scenario_that_gives_none_chooses(tmp_path):
-    target = own(tmp_path, "stop = 60")
+    target = write_own(tmp_path, "stop = 60")
     run = simulate(prepare(target, Options()))
     choice = run.manifest["substep_choice"]
     assert choice["substeps"] > 1
     assert choice["estimate"] < choice["accuracy"] == 1e-7
     # the bits of one with as many given; the same on blocks, in Python, and of another
     # process
-    given = simulate(prepare(target, Options(substeps=choice["substeps"])))
-    assert "substep_choice" not in given.manifest
+    options = simulate(prepare(target, Options(substeps=choice["substeps"])))
+    assert "substep_choice" not in options.manifest
     same = simulate(prepare(target, Options(blocks=True, loop="python"))).results
     supervised = simulate(prepare(target, Options(supervised=True))).results
     for name in ("spacecraft.q_bi", "wheels.h_wheel"):
-        for other in (given.results, same, supervised):
+        for other in (options.results, same, supervised):
             assert run.results.values(name).tobytes() == other.values(name).tobytes()
     finer = simulate(prepare(target, Options(accuracy=1e-9)))
     assert finer.manifest["substeps"] > choice["substeps"]
-    named = own(tmp_path, "stop = 60\naccuracy = 1e-9", "named")
+    named = write_own(tmp_path, "stop = 60\naccuracy = 1e-9", "named")
     assert (
         simulate(prepare(named, Options())).manifest["substeps"]
         == finer.manifest["substeps"]
@@ -351,7 +352,7 @@ def test_a_scenario_that_gives_none_chooses(tmp_path):
 
 
 def test_the_digest_has_auto_and_accuracy(tmp_path):
-    target = own(tmp_path)
+    target = write_own(tmp_path)
     digests = {
         digest_of(target, Options(**o))
         for o in ({}, {"accuracy": 1e-8}, {"substeps": 2})
@@ -363,15 +364,15 @@ def test_the_digest_has_auto_and_accuracy(tmp_path):
 
 
 def test_it_is_one_with_a_reason_where_there_is_nothing_to_choose(tmp_path):
-    for target, options, why in (
+    for target, options, reason in (
         (
-            own(tmp_path, "stop = 60"),
+            write_own(tmp_path, "stop = 60"),
             {"algorithm": "jacobi"},
             "jacobi takes no substeps",
         ),
         ("uosat12/table3-ocdc-ilqr-1", {}, "no rigid body with wheels"),
         (
-            own(
+            write_own(
                 tmp_path,
                 "stop = 60\n[step_ratio]\nwheels = 2\nspacecraft = 2\n",
                 "slow",
@@ -384,16 +385,16 @@ def test_it_is_one_with_a_reason_where_there_is_nothing_to_choose(tmp_path):
         assert manifest["substeps"] == 1
         assert manifest["substep_choice"]["estimate"] is None
         assert manifest["substep_choice"]["steps"] == 0, "none was flown"
-        assert why in manifest["substep_choice"]["why"]
+        assert reason in manifest["substep_choice"]["why"]
 
 
 def test_what_no_count_makes_exact_is_refused_with_the_reason(tmp_path):
-    case = prepare(own(tmp_path, "stop = 60\naccuracy = 1e-17"), Options())
-    said = (
+    case = prepare(write_own(tmp_path, "stop = 60\naccuracy = 1e-17"), Options())
+    message = (
         r"with 512 substeps, of 1000 at most, the attitude would still err by .*turn .* "
         r"kick .*take a larger --accuracy"
     )
-    with pytest.raises(DesatError, match=said):
+    with pytest.raises(DesatError, match=message):
         simulate(case)
 
 
@@ -435,31 +436,31 @@ def test_a_run_that_leaves_the_range_of_its_flights_is_made_again(monkeypatch):
 
 def test_a_run_is_made_three_times_at_most(monkeypatch):
     """And says that it would want more still."""
-    made, simulated = [], running._simulate
+    collected, simulated = [], running._simulate
 
     def more(target, system, options, choice, results):
         again = [*choice.again, "it turns"]
         return replace(choice, substeps=2 * choice.substeps, again=again)
 
     def counted(case, choice, *rest):
-        made.append(choice.substeps)
+        collected.append(choice.substeps)
         return simulated(case, choice, *rest)
 
     monkeypatch.setattr(substep_choice, "choose_again", more)
     monkeypatch.setattr(running, "_simulate", counted)
     run = simulate(prepare("gyrostat/pulses", Options(substeps=AUTO, stop=20.0)))
-    first = made[0]
-    assert made == [first, 2 * first, 4 * first]
+    first = collected[0]
+    assert collected == [first, 2 * first, 4 * first]
     assert run.manifest["substeps"] == 4 * first
-    said = f"made 3 times, it would want {8 * first} substeps still: it turns"
-    assert said in run.manifest["warnings"]
+    message = f"made 3 times, it would want {8 * first} substeps still: it turns"
+    assert message in run.manifest["warnings"]
 
 
 def test_a_case_of_a_campaign_chooses_and_says_so(tmp_path):
     text = (
         'stop = 60\n[dispersions]\n"wheels.torque_limit" = { uniform = [0.005, 0.2] }\n'
     )
-    target = own(tmp_path, text)
+    target = write_own(tmp_path, text)
     plan = CampaignPlan(target, digest_of(target, Options()), 6)
     rows = [row(plan, i, False) for i in range(6)]
     counts = [r.numbers["substeps"] for r in rows]
@@ -471,7 +472,7 @@ def test_a_case_of_a_campaign_chooses_and_says_so(tmp_path):
 
 
 def test_a_packed_scenario_has_what_its_run_chose(tmp_path):
-    target = Path(own(tmp_path, "stop = 60"))
+    target = Path(write_own(tmp_path, "stop = 60"))
     run = simulate(prepare(str(target), Options()))
     path = pack_scenario(
         scenario.read_foreign(target),
@@ -484,15 +485,15 @@ def test_a_packed_scenario_has_what_its_run_chose(tmp_path):
 
 
 def test_a_resumed_run_keeps_its_choice(tmp_path, monkeypatch):
-    target = own(tmp_path, "stop = 200")
-    whole = simulate(prepare(target, Options()), tmp_path / "whole").manifest
+    target = write_own(tmp_path, "stop = 200")
+    full = simulate(prepare(target, Options()), tmp_path / "whole").manifest
     broken(target, Options(checkpoint=10.0), tmp_path / "cut", monkeypatch, 100)
     monkeypatch.setattr(substep_choice, "choose", None)  # it is not made anew
     cut = resume(tmp_path / "cut").manifest
     assert cut["status"] == "completed"
-    assert cut["substeps"] == whole["substeps"] > 1
+    assert cut["substeps"] == full["substeps"] > 1
     for name in ("estimated_attitude_error", "pointing"):
-        assert cut["numbers"][name]["value"] == whole["numbers"][name]["value"]
+        assert cut["numbers"][name]["value"] == full["numbers"][name]["value"]
 
 
 @pytest.mark.parametrize(
@@ -553,22 +554,24 @@ def test_a_foreign_fmu_is_flown_too_where_it_has_a_process_of_its_own(tmp_path):
     )
     with zipfile.ZipFile(foreign, "a") as archive:
         archive.writestr("resources/of-somebody.txt", "")
-    target = own(tmp_path, "stop = 30")
-    for options, why in (
+    target = write_own(tmp_path, "stop = 30")
+    for options, reason in (
         ({}, ""),
         ({"isolate": "none"}, "manager is a foreign FMU without a process of its own"),
         ({"accuracy": 1e-17}, "the attitude would still err by"),
     ):
-        given = Options(sources=[f"manager={foreign}"], **options)
-        manifest = simulate(prepare(target, given)).manifest
-        assert why in manifest["substep_choice"]["why"]
-        assert (manifest["substeps"] == 1) == bool(why)
+        run_options = Options(sources=[f"manager={foreign}"], **options)
+        manifest = simulate(prepare(target, run_options)).manifest
+        assert reason in manifest["substep_choice"]["why"]
+        assert (manifest["substeps"] == 1) == bool(reason)
 
 
 def test_draws_sweeps_and_campaigns_take_substeps_as_a_run_does(desat, tmp_path):
     name, short = "integrated/mil-nadir", ("--stop", "60", "--jobs", "1")
-    made = [draws(name, 2, 1, Options(stop=60.0, substeps=n), jobs=1) for n in (1, 4)]
-    numbers = [[row.numbers for row in x.rows] for x in made]
+    results = [
+        draws(name, 2, 1, Options(stop=60.0, substeps=n), jobs=1) for n in (1, 4)
+    ]
+    numbers = [[row.numbers for row in x.rows] for x in results]
     assert numbers[0] != numbers[1]
     chosen = ("--substeps", "auto", "--accuracy", "1e-3", "--out", str(tmp_path / "c"))
     done = desat("campaign", "run", name, "-n", "1", *short, *chosen)
@@ -637,8 +640,8 @@ def test_a_craft_that_loses_its_attitude_runs_and_says_that_it_is_not_resolved(
     new_craft.write(
         Path("mine"), CraftFacts(size="6U", altitude="400km"), "desat new craft"
     )
-    lost = {"spacecraft.residual_dipole_body": [7.0, 0.0, 0.0]}
-    run = simulate(prepare("mine", Options(stop=20000.0, values=lost)))
+    lost_coils = {"spacecraft.residual_dipole_body": [7.0, 0.0, 0.0]}
+    run = simulate(prepare("mine", Options(stop=20000.0, values=lost_coils)))
     choice = run.manifest.substep_choice
     assert run.manifest.completed
     assert choice.substeps == substep_choice.FALLBACK

@@ -61,8 +61,8 @@ def test_a_plan_fires_against_a_known_torque():
     )
     step = receding_horizon.first_step(plan, COILS)
     assert step is not None
-    wanted = [-(a + PERIOD * n) / 0.04 for a, n in zip(h, n_con, strict=True)]
-    assert step[1] == pytest.approx(wanted, abs=1e-6)
+    expected = [-(a + PERIOD * n) / 0.04 for a, n in zip(h, n_con, strict=True)]
+    assert step[1] == pytest.approx(expected, abs=1e-6)
 
 
 def test_a_plan_that_knows_the_torque_stands_on_the_bound():
@@ -105,8 +105,8 @@ def test_in_the_last_sample_coils_repair_what_rounding_took(odd):
     dipole, which was at its limit, gives less."""
     h = (0.0, 0.0, 0.04 * (1.0 + odd))  # across the field
     torque, b = last_sample(h)
-    left = np.array(h) + PERIOD * torque
-    across = left - (left @ b) / (b @ b) * b
+    remaining = np.array(h) + PERIOD * torque
+    across = remaining - (remaining @ b) / (b @ b) * b
     assert np.linalg.norm(across) < 0.02 * 0.04 * 0.05  # of a pulse
 
 
@@ -231,8 +231,8 @@ def test_a_wrong_model_costs_little_once_it_is_learnt(file, case, draw):
     start = draw_of(read(name).to_draw(blocks=True), 1, draw)
 
     def above(spread, cost):
-        own = {"manager.field_spread": spread, "manager.reserve_cost": cost}
-        run = execute(name, Options(blocks=True, values={**start, **own}))
+        own_value = {"manager.field_spread": spread, "manager.reserve_cost": cost}
+        run = execute(name, Options(blocks=True, values={**start, **own_value}))
         return run.manifest["numbers"]["above_bound"]["value"]
 
     assert above(0.1, 0.5) <= 5.0
@@ -436,10 +436,10 @@ def test_a_limit_is_left_out_where_its_unless_holds():
 )
 def test_a_costate_asks_for_the_field_once_a_point(horizon, intervals):
     """A short horizon has one interval of the quadrature too."""
-    asked = []
+    requests = []
 
     def field(t):
-        asked.append(t)
+        requests.append(t)
         return (0.0, 0.0, 3e-5)
 
     offline.costate(
@@ -451,8 +451,10 @@ def test_a_costate_asks_for_the_field_once_a_point(horizon, intervals):
         (0.0,) * 3,
         horizon,
     )
-    assert len(asked) == intervals * offline.POINTS
-    assert 0.0 < min(asked) < 0.01 * horizon < 0.99 * horizon < max(asked) < horizon
+    assert len(requests) == intervals * offline.POINTS
+    assert (
+        0.0 < min(requests) < 0.01 * horizon < 0.99 * horizon < max(requests) < horizon
+    )
 
 
 def test_a_costate_turns_as_the_momentum_does():
@@ -474,12 +476,12 @@ def test_the_manager_asks_the_law_it_is_told(law):
     block.omega_bi_body = omega = (0.0, -1e-3, 0.0)
     offsets = dumping.lqr_offsets(omega, rate, n_con, 600.0, 10.0)
     start = dumping.mec_costate(h, omega, n_con, 600.0)
-    wanted = (
+    expected = (
         dumping.ilqr(h, omega, rate, n_con),
         dumping.lqr(h, rate, 600.0, offsets[:3]),
         dumping.mec(start, omega, 0.0),
     )[law]
-    assert block.dump(0.0, 0.0, h)[0] == pytest.approx(wanted, rel=1e-12)
+    assert block.dump(0.0, 0.0, h)[0] == pytest.approx(expected, rel=1e-12)
 
 
 # --- physics --------------------------------------------------------------------------
@@ -553,8 +555,8 @@ def test_the_gravity_gradient_of_later_is_that_of_free_fall():
         UPRIGHT,
     )
     (r, _), *_ = receding_horizon.coast(block.r_eci, block.v_eci, (120.0,))
-    wanted = torques.gravity_gradient(r, block._inertia)
-    assert block._gravity_in(120.0) == pytest.approx(wanted, rel=2e-3)
+    expected = torques.gravity_gradient(r, block._inertia)
+    assert block._gravity_in(120.0) == pytest.approx(expected, rel=2e-3)
 
 
 @pytest.mark.parametrize(

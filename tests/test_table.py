@@ -272,11 +272,11 @@ def printed(text: str) -> list[list[str]]:
 
 
 def test_size_prints_titles_values_and_units(capsys):
-    made = sizing()
-    size_command._print_sizing(made)
+    sized = sizing()
+    size_command._print_sizing(sized)
     rows = printed(capsys.readouterr().out)
     first = rows.index(SIZE_ROWS[0])
-    assert " ".join(" ".join(row) for row in rows[:first]) == made.answer
+    assert " ".join(" ".join(row) for row in rows[:first]) == sized.answer
     assert rows[first:] == SIZE_ROWS
 
 
@@ -395,9 +395,9 @@ def test_run_prints_titles_values_and_units(desat, tmp_path):
             assert unit == (
                 "" if entry["unit"] == "1" else entry["unit"].replace(".", " ")
             )
-        given = entry["value"] * IN_SI.get(entry["unit"], 1.0)
+        inputs = entry["value"] * IN_SI.get(entry["unit"], 1.0)
         assert float(value.replace(",", "")) * FACTORS.get(unit, 1.0) == pytest.approx(
-            given, rel=6e-4
+            inputs, rel=6e-4
         )
     assert len(shown) == 1, "a quantity has one unit"
     text = (tmp_path / "run" / "report.html").read_text()

@@ -236,10 +236,10 @@ def test_a_stored_draw_is_what_the_fmus_give():
     from desat.runs.run import Options
 
     name = "uosat12/starts-receding_horizon"
-    kept = stored.read("uosat12")
-    stored.require_current(kept)
-    (now,) = draws(name, 1, kept["seed"], Options(), 1).rows
-    first = kept["scenarios"][name]["draws"][0].numbers
+    stored_samples = stored.read("uosat12")
+    stored.require_current(stored_samples)
+    (now,) = draws(name, 1, stored_samples["seed"], Options(), 1).rows
+    first = stored_samples["scenarios"][name]["draws"][0].numbers
     # HiGHS may round otherwise on another processor, and that may be a pulse
     assert now.numbers["firing_time"] == pytest.approx(first["firing_time"], abs=0.1)
     assert now.numbers["bound"] == pytest.approx(first["bound"], rel=1e-6)

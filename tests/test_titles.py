@@ -320,12 +320,12 @@ def slow(limit: float) -> Callable[[Flight], Any]:
 def points(
     limit: float, unit: float = 1.0, end: float = math.inf
 ) -> Callable[[Flight], Any]:
-    def when(f: Flight) -> float | None:
+    def time_of(f: Flight) -> float | None:
         error = f.pointing()
         t = f.t[: len(error)]
         return times(stays(t[t <= end], error[t <= end] < limit), unit)
 
-    return when
+    return time_of
 
 
 def detumbled(f: Flight, seconds: float = 0.0) -> float | None:
@@ -338,12 +338,12 @@ def full(number: int) -> Callable[[Flight], Any]:
 
 
 def while_limited(f: Flight, level: float) -> float:
-    wanted = size(f["manager.tau_des_body"])
-    rate = size(f["spacecraft.omega_bi_body"])[: len(wanted)]
+    expected = size(f["manager.tau_des_body"])
+    rate = size(f["spacecraft.omega_bi_body"])[: len(expected)]
     limit = f.p("manager.torque_limit")
-    t = f.t[: len(wanted)]
-    kept = rate[(t >= 400.0) & (t <= 7200.0) & (wanted >= 0.9996 * limit)]
-    return 100.0 * np.percentile(kept, level) / (limit / f.p("manager.gain_rate"))
+    t = f.t[: len(expected)]
+    saved = rate[(t >= 400.0) & (t <= 7200.0) & (expected >= 0.9996 * limit)]
+    return 100.0 * np.percentile(saved, level) / (limit / f.p("manager.gain_rate"))
 
 
 def coil(number: int) -> Callable[[Flight], Any]:
@@ -370,8 +370,8 @@ def load_until_below(f: Flight) -> float:
     end = stays(t, fill < 11.0)
     load = f.load()
     begins = f.t[: len(load)]
-    kept = load[begins < (t[-1] if end is None else end) - 1e-6]
-    return kept.mean() if len(kept) else load[0]
+    saved = load[begins < (t[-1] if end is None else end) - 1e-6]
+    return saved.mean() if len(saved) else load[0]
 
 
 def orbit_of(f: Flight) -> float:
@@ -387,12 +387,12 @@ def after_two(values: np.ndarray, f: Flight) -> np.ndarray:
 
 
 def along_field(f: Flight) -> float:
-    wanted, b = (
+    expected, b = (
         after_two(f[n], f) for n in ("manager.tau_desired_body", "magnetometer.b_body")
     )
-    n = min(len(wanted), len(b))
+    n = min(len(expected), len(b))
     unit = b[:n] / size(b[:n])[:, None]
-    return 100.0 * rms((wanted[:n] * unit).sum(axis=1)) / rms(size(wanted[:n]))
+    return 100.0 * rms((expected[:n] * unit).sum(axis=1)) / rms(size(expected[:n]))
 
 
 def filled(f: Flight) -> float | None:
@@ -770,17 +770,17 @@ def flights() -> dict[str, list[tuple[str, dict[str, Any]]]]:
     """Scenario -> the numbers to look at in its run: few runs, short ones."""
     todo = definitions()
     chosen: dict[str, list[tuple[str, dict[str, Any]]]] = {}
-    for number, where in sorted(
+    for number, place in sorted(
         todo.values(), key=lambda x: min(steps(s) for s, _ in x[1])
     ):
         until = number.get("window", (0.0, 0.0))[1] % 1e9
-        whole = [w for w in where if scenarios()[w[0]].content.stop >= until]
-        where = whole or where
-        there = [w for w in where if w[0] in chosen]
-        wanted = PREFERRED.get(number["title"])
-        if wanted in dict(where):
-            there = [w for w in where if w[0] == wanted]
-        scenario, name = min(there or where, key=lambda w: steps(w[0]))
+        full = [w for w in place if scenarios()[w[0]].content.stop >= until]
+        place = full or place
+        there = [w for w in place if w[0] in chosen]
+        expected = PREFERRED.get(number["title"])
+        if expected in dict(place):
+            there = [w for w in place if w[0] == expected]
+        scenario, name = min(there or place, key=lambda w: steps(w[0]))
         chosen.setdefault(scenario, []).append((name, number))
     return chosen
 
@@ -806,7 +806,7 @@ PREFERRED = {
 
 
 @functools.lru_cache(maxsize=1)
-def flown(scenario: str) -> Flight:
+def fly(scenario: str) -> Flight:
     assert steps(scenario) <= PLENTY
     return Flight(execute(scenario, Options()))
 
@@ -828,10 +828,10 @@ def test_every_number_has_a_second_computation():
     ("scenario", "name", "number"), CASES, ids=[f"{s}-{n}" for s, n, _ in CASES]
 )
 def test_a_number_is_what_its_title_says(scenario, name, number):
-    flight = flown(scenario)
-    how = TITLES[number["title"]]
-    compute, tolerance = how if isinstance(how, tuple) else (how, CLOSE)
-    said = flight.run.manifest["numbers"][name]["value"]
+    flight = fly(scenario)
+    way = TITLES[number["title"]]
+    compute, tolerance = way if isinstance(way, tuple) else (way, CLOSE)
+    message = flight.run.manifest["numbers"][name]["value"]
     try:
         found = compute(flight)
     except (IndexError, ValueError):  # no row of its window: nothing there
@@ -839,17 +839,17 @@ def test_a_number_is_what_its_title_says(scenario, name, number):
     found = None if found is None or math.isnan(found) else float(found)
     if found is not None and number["title"] in IN_SI:
         found *= TO.get(number["unit"], 1.0)
-    assert (said is None) == (found is None), (said, found)
-    if said is not None:
-        assert said == pytest.approx(found, rel=tolerance, abs=1e-9)
+    assert (message is None) == (found is None), (message, found)
+    if message is not None:
+        assert message == pytest.approx(found, rel=tolerance, abs=1e-9)
 
 
 def test_a_number_at_a_time_is_of_that_time_alone():
     """Of a run that ends before it there is none."""
-    for number, where in definitions().values():
+    for number, place in definitions().values():
         if re.search(r"\bat (the start|[\d.]+ (min|h))\b", number["title"]):
             begin, end = number["window"]
-            assert begin == end, f"{where[0][0]}: {number['title']}"
+            assert begin == end, f"{place[0][0]}: {number['title']}"
 
 
 def over_time(values: np.ndarray, t: np.ndarray) -> float:
@@ -880,7 +880,7 @@ def left_without(f: Flight) -> tuple[float, float]:
 def standard(f: Flight) -> dict[str, Any]:
     """The standard numbers of a managed run (analyses/management.py), from their
     titles."""
-    left, without = left_without(f)
+    remaining, without = left_without(f)
     stored, h = (
         size(f.momentum("spacecraft.h_copy_wheel")),
         f["spacecraft.h_copy_wheel"],
@@ -908,7 +908,7 @@ def standard(f: Flight) -> dict[str, Any]:
         "momentum_margin": 100.0 - 100.0 * (np.abs(h[:, there]) / f.capacity()).max(),
         "limit_time": tuple(steps_ @ x.any(axis=1) for x in limited),
         "crossings": changes(speed),
-        "left_rms": left,
+        "left_rms": remaining,
         "unmanaged_rms": (0.9999 * without, 1.0001 * without),
     }
 
@@ -917,16 +917,16 @@ def standard(f: Flight) -> dict[str, Any]:
     "scenario", ["integrated/mil-unmanaged-extra", "nadir_day/day-dipole"]
 )
 def test_the_standard_numbers_are_what_their_titles_say(scenario):
-    f = flown(scenario)
+    f = fly(scenario)
     found = standard(f)
     assert found.keys() == set(management.NUMBERS) - {
         "least_braking"
     }  # of laws that brake
     for name, value in found.items():
-        said = f.run.manifest["numbers"][name]["value"]
+        message = f.run.manifest["numbers"][name]["value"]
         low, high = value if isinstance(value, tuple) else (value, value)
         assert (
-            low - 1e-9 * abs(low) - 1e-12 <= said <= high + 1e-9 * abs(high) + 1e-12
+            low - 1e-9 * abs(low) - 1e-12 <= message <= high + 1e-9 * abs(high) + 1e-12
         ), name
 
 
@@ -1006,8 +1006,8 @@ def budget(f: Flight) -> list[np.ndarray]:
     dipole = np.einsum("tij,ti->tj", turned(middle), m)
     torque = np.cross(dipole, (b[:-1] + b[1:]) / 2.0)
     coils = np.vstack([np.zeros(3), np.cumsum(torque * np.diff(f.t)[:, None], axis=0)])
-    whole = f["spacecraft.impulse_eci"]
-    return [size(whole - coils), size(coils), size(whole)]
+    full = f["spacecraft.impulse_eci"]
+    return [size(full - coils), size(coils), size(full)]
 
 
 def euler_of(f: Flight) -> list[np.ndarray]:
@@ -1062,7 +1062,7 @@ def plots() -> list[tuple[str, str, dict[str, Any]]]:
             found.setdefault(json.dumps(about, sort_keys=True), []).append(
                 (scenario, name, about)
             )
-    shortest = (min(where, key=lambda w: steps(w[0])) for where in found.values())
+    shortest = (min(place, key=lambda w: steps(w[0])) for place in found.values())
     return sorted(shortest, key=lambda w: w[0])
 
 
@@ -1073,28 +1073,28 @@ PLOTS = plots()
     ("scenario", "name", "plot"), PLOTS, ids=[f"{s}-{n}" for s, n, _ in PLOTS]
 )
 def test_a_plot_is_what_its_title_says(scenario, name, plot):
-    f, title = flown(scenario), plot["title"].lower()
+    f, title = fly(scenario), plot["title"].lower()
     word = next((w for w in SHOWN if w in title), None)
     assert word is not None, f"{title}: what is it drawn of?"
     assert SHOWN[word] & set(plot["signals"]), plot["signals"]
     unit = plot.get("unit", "1")
     lines = lines_of(Plot(**plot), f.run.results, unit)
     if "derive" in plot:
-        wanted = DERIVED[plot["derive"]](f)
+        expected = DERIVED[plot["derive"]](f)
         names, scale = (
-            plot.get("components", ["all"] * len(wanted)),
+            plot.get("components", ["all"] * len(expected)),
             PER.get(("N.m.s", unit), 1.0),
         )
-        wanted = [scale * w for w, n in zip(wanted, names, strict=False) if n]
+        expected = [scale * w for w, n in zip(expected, names, strict=False) if n]
     else:
         (signal,) = plot["signals"]
-        own = f.run.results.attribute(signal, "unit") or "1"
-        values = f[signal] * (1.0 if own == unit else PER[own, unit])
+        own_value = f.run.results.attribute(signal, "unit") or "1"
+        values = f[signal] * (1.0 if own_value == unit else PER[own_value, unit])
         names = plot.get("components") or [str(i) for i in range(values.shape[1])]
-        wanted = [v for v, n in zip(values.T, names, strict=False) if n]
+        expected = [v for v, n in zip(values.T, names, strict=False) if n]
         if plot.get("norm"):
             assert "size" in title
-            wanted = [size(values)]
+            expected = [size(values)]
         else:
             assert "size" not in title
         if names == ["x", "y", "z"] and "wheel" in signal:
@@ -1103,8 +1103,8 @@ def test_a_plot_is_what_its_title_says(scenario, name, plot):
             assert np.array_equal(axes[:, :3], np.eye(3)), (
                 f"{title}: x, y, z are no wheels' axes"
             )
-    assert len(lines) == len(wanted)
-    for line, values in zip(lines, wanted, strict=True):
+    assert len(lines) == len(expected)
+    for line, values in zip(lines, expected, strict=True):
         scale = np.abs(values).max() or 1.0
         n = min(len(values), len(line.values))
         assert n > len(values) - 2
@@ -1129,6 +1129,6 @@ def test_a_plot_is_what_its_title_says(scenario, name, plot):
 def test_a_vector_of_the_wheels_needs_their_axes(desat, tmp_path, text, line):
     file = tmp_path / "own.toml"
     file.write_text(f'extends = "nadir_day/day-dipole"\nstop = 10.0\n{text}\n')
-    said = desat("check", str(file))
-    assert said.returncode == 1
-    assert line in " ".join((said.stdout + said.stderr).split())
+    outcome = desat("check", str(file))
+    assert outcome.returncode == 1
+    assert line in " ".join((outcome.stdout + outcome.stderr).split())

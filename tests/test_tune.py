@@ -28,14 +28,14 @@ def home(tmp_path_factory):
 def model(home, monkeypatch):
     """Runs whose number is a function of gain and draw, `of(gain, error of the draw)`."""
     monkeypatch.chdir(home)
-    asked: list[tuple[float, int]] = []
+    requests: list[tuple[float, int]] = []
 
     def use(of, missed=lambda gain: False):
         def rows(tasks, jobs, title, progress, *known):
-            made = []
+            results = []
             for _, options, _seed, draw in tasks:
                 gain = options.values["manager.gain"]
-                asked.append((gain, draw))
+                requests.append((gain, draw))
                 value = of(gain, random.Random(draw).uniform(-1.0, 1.0))
                 numbers = {
                     "final_momentum": value,
@@ -43,7 +43,7 @@ def model(home, monkeypatch):
                     "largest_momentum": 10.0,
                     "coil_duty": 10.0,
                 }
-                made.append(
+                results.append(
                     RunRow(
                         "completed",
                         0,
@@ -53,10 +53,10 @@ def model(home, monkeypatch):
                         described={"final_momentum": {"unit": "mN.m.s"}},
                     )
                 )
-            return made
+            return results
 
         monkeypatch.setattr(study, "rows_of", rows)
-        return asked
+        return requests
 
     return use
 
@@ -66,22 +66,26 @@ def bowl(gain, error, best=4e-4):
 
 
 def test_the_least_of_a_bowl_is_found_and_confirmed(model):
-    asked = model(bowl)
-    made = study.tune(
+    requests = model(bowl)
+    tuning_value = study.tune(
         "mine", "manager.gain", "final_momentum", Options(), draws=5, unseen=12
     )
-    assert made.best == pytest.approx(4e-4, rel=0.1)
-    assert made.confirmed
-    assert "better in 12" in made.answer
-    tuning = {draw for gain, draw in asked if gain not in (made.own, made.best)}
-    judging = {draw for _, draw in asked} - tuning
+    assert tuning_value.best == pytest.approx(4e-4, rel=0.1)
+    assert tuning_value.confirmed
+    assert "better in 12" in tuning_value.answer
+    tuning = {
+        draw
+        for gain, draw in requests
+        if gain not in (tuning_value.own, tuning_value.best)
+    }
+    judging = {draw for _, draw in requests} - tuning
     assert (tuning, judging) == (set(range(5)), set(range(5, 17)))
-    assert len({gain for gain, _ in asked}) <= study.LOOKED_AT + 1 + study.REFINED
+    assert len({gain for gain, _ in requests}) <= study.LOOKED_AT + 1 + study.REFINED
 
 
 def test_the_most_is_found(model):
     model(lambda gain, error: -bowl(gain, error))
-    made = study.tune(
+    tuning = study.tune(
         "mine",
         "manager.gain",
         "final_momentum",
@@ -90,8 +94,8 @@ def test_the_most_is_found(model):
         draws=3,
         unseen=8,
     )
-    assert made.best == pytest.approx(4e-4, rel=0.1)
-    assert made.confirmed
+    assert tuning.best == pytest.approx(4e-4, rel=0.1)
+    assert tuning.confirmed
 
 
 def test_what_only_tuning_draws_like_is_not_confirmed(model):
@@ -107,34 +111,34 @@ def test_what_only_tuning_draws_like_is_not_confirmed(model):
         )
 
     model(lucky)
-    made = study.tune(
+    tuning = study.tune(
         "mine", "manager.gain", "final_momentum", Options(), draws=4, unseen=16
     )
-    assert made.best == pytest.approx(4e-4, rel=0.1)
-    assert not made.confirmed
-    assert made.answer.endswith("that is not confirmed.")
+    assert tuning.best == pytest.approx(4e-4, rel=0.1)
+    assert not tuning.confirmed
+    assert tuning.answer.endswith("that is not confirmed.")
 
 
 def test_a_requirement_is_not_given_up_for_a_number(model):
     model(bowl, missed=lambda gain: gain < 6e-4)
-    made = study.tune(
+    tuning = study.tune(
         "mine", "manager.gain", "final_momentum", Options(), draws=3, unseen=8
     )
-    assert 6e-4 <= made.best < made.own
-    assert all(p.missed == 3 for p in made.points if p.value < 6e-4)
+    assert 6e-4 <= tuning.best < tuning.own
+    assert all(p.missed == 3 for p in tuning.points if p.value < 6e-4)
 
 
 def test_what_the_craft_has_may_be_the_best(model):
     model(lambda gain, error: 1.0 + 1e-5 * math.log(gain))
-    made = study.tune(
+    tuning = study.tune(
         "mine", "manager.gain", "final_momentum", Options(), draws=2, unseen=6
     )
-    assert made.best == made.own
-    assert not made.confirmed
-    assert made.answer.endswith("is the best of its range already.")
+    assert tuning.best == tuning.own
+    assert not tuning.confirmed
+    assert tuning.answer.endswith("is the best of its range already.")
 
 
-def tuned(best=2.0, **told):
+def tuned(best=2.0, **message):
     """A result over four values, 2 the craft's own plus what was found."""
     unseen = {
         "interval_holds": True,
@@ -146,7 +150,7 @@ def tuned(best=2.0, **told):
         "median_best": 1.0,
         "missed_own": 2,
         "missed_best": 2,
-        **told,
+        **message,
     }
     points = tuple(study.Point(x, x, 0) for x in (1.0, 2.0, 3.0, 4.0))
     most = unseen.pop("most", False)
@@ -167,8 +171,10 @@ def tuned(best=2.0, **told):
 
 
 def test_the_edge_of_the_range_is_its_first_or_last_value_alone(model):
-    told = {x: tuned(x).answer for x in (1.0, 2.0, 3.0, 4.0)}
-    assert [x for x, text in told.items() if ", at the edge of its range." in text] == [
+    results = {x: tuned(x).answer for x in (1.0, 2.0, 3.0, 4.0)}
+    assert [
+        x for x, text in results.items() if ", at the edge of its range." in text
+    ] == [
         1.0,
         4.0,
     ]
@@ -178,7 +184,7 @@ def test_the_edge_of_the_range_is_its_first_or_last_value_alone(model):
     )  # of a range that the craft's own value is not in: it is no end of it
     for best, range_ in ((1e-3, ends), (1e-4, (1e-4, 1e-2)), (1e-2, (1e-4, 1e-2))):
         model(lambda gain, error, best=best: bowl(gain, error, best))
-        made = study.tune(
+        tuning = study.tune(
             "mine",
             "manager.gain",
             "final_momentum",
@@ -187,9 +193,9 @@ def test_the_edge_of_the_range_is_its_first_or_last_value_alone(model):
             unseen=6,
             between=range_,
         )
-        assert made.own == pytest.approx(1.10678e-3)
-        assert made.best == best
-        assert "at the edge of its range" in made.answer
+        assert tuning.own == pytest.approx(1.10678e-3)
+        assert tuning.best == best
+        assert "at the edge of its range" in tuning.answer
 
 
 def test_what_touches_none_is_not_confirmed():
@@ -251,15 +257,15 @@ def test_what_touches_none_is_not_confirmed():
     ],
 )
 def test_wrong_wishes_are_refused_before_a_run(model, parameter, number, more, line):
-    asked = model(bowl)
+    requests = model(bowl)
     with pytest.raises(DesatError) as refused:
         study.tune("mine", parameter, number, Options(), **more)
     assert line in str(refused.value)
-    assert asked == []
+    assert requests == []
 
 
 def test_the_command_flies_and_says_both(desat, home):
-    told = desat(
+    outcome = desat(
         "tune",
         "mine",
         "manager.gain",
@@ -276,17 +282,17 @@ def test_the_command_flies_and_says_both(desat, home):
         "--json",
         cwd=home,
     )
-    made = json.loads(told.stdout)
-    assert told.returncode == (Exit.COMPLETED if made["confirmed"] else Exit.UNMET)
-    assert made["best"] < made["own"], "smaller gains work the coils less"
-    assert made["unseen"]["n"] == 6
-    assert made["unseen"]["lower"] == 0, "own less best is above zero"
-    values = [p["value"] for p in made["points"]]
+    answer = json.loads(outcome.stdout)
+    assert outcome.returncode == (Exit.COMPLETED if answer["confirmed"] else Exit.UNMET)
+    assert answer["best"] < answer["own"], "smaller gains work the coils less"
+    assert answer["unseen"]["n"] == 6
+    assert answer["unseen"]["lower"] == 0, "own less best is above zero"
+    values = [p["value"] for p in answer["points"]]
     assert values == sorted(values)
-    best_gain = [f"manager.gain={made['best']!r}"]
+    best_gain = [f"manager.gain={answer['best']!r}"]
     again = draws(str(home / "mine"), 1, 1, Options(stop=60.0, sets=best_gain), jobs=1)
     duty = again.rows[0].numbers["coil_duty"]
-    (best,) = [p for p in made["points"] if p["value"] == made["best"]]
+    (best,) = [p for p in answer["points"] if p["value"] == answer["best"]]
     assert best["median"] == duty
 
 
@@ -294,5 +300,5 @@ def test_a_gain_has_the_unit_of_the_law_that_flies(home):
     """Of ccpl it is 1/(T s), which is declared with the law."""
     for law, unit in (("normalised", "1/s"), ("ccpl", "1/(T.s)")):
         source = read(str(home / "mine"))
-        given = Options(sets=[f"manager.law={law}"])
-        assert study._parameter(source, given, "manager.gain")[2] == unit
+        options = Options(sets=[f"manager.law={law}"])
+        assert study._parameter(source, options, "manager.gain")[2] == unit

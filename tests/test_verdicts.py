@@ -53,16 +53,20 @@ def judged(
 
 def test_a_case_that_failed_is_outside_whatever_its_numbers():
     """A failed row does carry finite numbers: those until it failed."""
-    told = judged([1.0, 1.0, 1.0], [True, False, True], max=2.0)
-    assert (told["within"], told["outside"], told["cases_outside"]) == (2, 1, [1])
+    judgement = judged([1.0, 1.0, 1.0], [True, False, True], max=2.0)
+    assert (judgement["within"], judgement["outside"], judgement["cases_outside"]) == (
+        2,
+        1,
+        [1],
+    )
 
 
 @pytest.mark.parametrize(
     "bounds", [{"max": 2.0}, {"min": 2.0}, {"min": 2.0, "max": 2.0}]
 )
 def test_a_number_at_its_limit_is_within(bounds):
-    told = judged([2.0], [True], **bounds)
-    assert (told["within"], told["outside"]) == (1, 0)
+    judgement = judged([2.0], [True], **bounds)
+    assert (judgement["within"], judgement["outside"]) == (1, 0)
 
 
 def test_a_bound_that_is_unmet_ends_a_run_with_1(desat, tmp_path):
@@ -106,19 +110,23 @@ def test_a_requirement_is_judged_as_it_says(n, outside):
     """With 95 % and 95 % where nothing else is asked; the beta distribution as scipy
     has it."""
     values = np.where(np.arange(n) < outside, 3.0, 1.0)
-    told = judged(list(values), [True] * n, max=2.0)
+    judgement = judged(list(values), [True] * n, max=2.0)
     shown = beta.ppf(0.05, n - outside, outside + 1)
-    assert (told["probability"], told["confidence"], told["n"]) == (0.95, 0.95, n)
-    assert told["met"] == (shown >= 0.95) == (n in (59, 93))
-    assert told["shown_within"] == pytest.approx(100 * shown, rel=1e-12)
-    assert told["outside"] == outside
-    assert told["share_outside"] == pytest.approx(100 * outside / n, rel=1e-12)
-    assert told["interval_outside"] == clopper_pearson(outside, n, 0.95)
-    assert told["cases_outside"] == list(range(min(outside, 10)))
-    assert told["commands"] == [
+    assert (judgement["probability"], judgement["confidence"], judgement["n"]) == (
+        0.95,
+        0.95,
+        n,
+    )
+    assert judgement["met"] == (shown >= 0.95) == (n in (59, 93))
+    assert judgement["shown_within"] == pytest.approx(100 * shown, rel=1e-12)
+    assert judgement["outside"] == outside
+    assert judgement["share_outside"] == pytest.approx(100 * outside / n, rel=1e-12)
+    assert judgement["interval_outside"] == clopper_pearson(outside, n, 0.95)
+    assert judgement["cases_outside"] == list(range(min(outside, 10)))
+    assert judgement["commands"] == [
         f"desat campaign case c {k}" for k in range(min(outside, 3))
     ]
-    assert told["for_half_the_width"] == for_half_the_width(n, outside, 0.95)
+    assert judgement["for_half_the_width"] == for_half_the_width(n, outside, 0.95)
 
 
 @pytest.mark.parametrize(
@@ -199,9 +207,9 @@ def test_how_a_run_ended_is_its_exit_code(manifest, code):
     if run.ok:
         assert run.or_raise("a") is run
     else:
-        with pytest.raises(RunError, match=r"^a: .*: why$") as told:
+        with pytest.raises(RunError, match=r"^a: .*: why$") as raised:
             run.or_raise("a")
-        assert told.value.code == code
+        assert raised.value.code == code
 
 
 @pytest.mark.parametrize(
@@ -224,9 +232,9 @@ def test_a_full_disk_has_an_exit_code_of_its_own(desat, monkeypatch, number, cod
     assert f"a/file: {os.strerror(number)}" in done.stderr
 
 
-@pytest.mark.parametrize("how", ["SEGFAULT", "EXIT_0"])
-def test_a_run_that_a_component_ended_says_how_far_it_came(system, how):
-    run = simulate(prepare(str(system), options(how)))
+@pytest.mark.parametrize("way", ["SEGFAULT", "EXIT_0"])
+def test_a_run_that_a_component_ended_says_how_far_it_came(system, way):
+    run = simulate(prepare(str(system), options(way)))
     times = run.results.times()
     assert run.code == Exit.COMPONENT
     assert len(times) > 1
@@ -270,7 +278,7 @@ def test_a_sweep_ends_as_the_worst_of_its_points(desat, monkeypatch, rows, code,
     assert done.stderr.splitlines() == lines
 
 
-def asked(met: bool, lacking: int = 0) -> CaseVerdict:
+def case_verdict(met: bool, lacking: int = 0) -> CaseVerdict:
     entry, cases = Requirement(number="x", max=1.0), np.arange(20)
     verdict = requirement(
         entry, {"x": cases - 17.5}, np.ones(20, bool), cases, Path("c")
@@ -294,19 +302,21 @@ def asked(met: bool, lacking: int = 0) -> CaseVerdict:
 def test_a_campaign_ends_as_what_it_shows(
     desat, monkeypatch, requirements, unmet, failed, code
 ):
-    told = SimpleNamespace(
+    answer = SimpleNamespace(
         changed="",
         versions=[],
         completed=20,
         count=20 + len(failed),
         unmet=unmet,
         numbers={},
-        requirements={f"r{k}": asked(met, k) for k, met in enumerate(requirements)},
+        requirements={
+            f"r{k}": case_verdict(met, k) for k, met in enumerate(requirements)
+        },
         failed=[
             CaseRow("failed", c, "h[b] is nan", number=k) for k, c in enumerate(failed)
         ],
     )
-    monkeypatch.setattr(report, "write", lambda folder: (folder / "[b].html", told))
+    monkeypatch.setattr(report, "write", lambda folder: (folder / "[b].html", answer))
     done = desat("campaign", "report", "c")
     assert done.returncode == code
     shown = done.stdout.splitlines()
@@ -334,7 +344,7 @@ def test_a_number_at_its_bound_is_met():
 
 
 @pytest.mark.parametrize(
-    ("how", "values", "met"),
+    ("way", "values", "met"),
     [
         ("below", [1.0, -1.0], True),
         ("below", [1.0, -2.0], False),
@@ -346,8 +356,8 @@ def test_a_number_at_its_bound_is_met():
         ("reaches", [2.0, 1.0], False),
     ],
 )
-def test_a_condition_at_its_limit_is_not_met_yet(how, values, met):
-    condition = Condition("a", "x", how, 2.0, 0.0, "")
+def test_a_condition_at_its_limit_is_not_met_yet(way, values, met):
+    condition = Condition("a", "x", way, 2.0, 0.0, "")
     assert condition.met(np.array(values)) is met
 
 
@@ -373,11 +383,11 @@ def test_what_counts_as_within_a_row(entry, band):
 
 def test_of_draws_the_limits_count_and_what_is_lacking_does_not():
     values = [1.0, 2.0, 3.0, None]
-    told = comparison.share_of(values, least=2.0, most=3.0)
-    assert (told.n, told.count) == (4, 2)
+    answer = comparison.share_of(values, least=2.0, most=3.0)
+    assert (answer.n, answer.count) == (4, 2)
     assert comparison.share_of(values, most=2.0).count == 2
     assert comparison.share_of(values, least=-math.inf).count == 3
-    assert told.interval == clopper_pearson(2, 4)
+    assert answer.interval == clopper_pearson(2, 4)
 
 
 def cell(ours: float | None, draws: object | None = None, **more: object):
@@ -391,8 +401,8 @@ def cell(ours: float | None, draws: object | None = None, **more: object):
         "tolerance": [1.0, 2.0],
         **more,
     }
-    given = Entry.model_validate({k: v for k, v in entry.items() if v is not None})
-    return comparison._row(scenario, given, ours, {}, draws)
+    inputs = Entry.model_validate({k: v for k, v in entry.items() if v is not None})
+    return comparison._row(scenario, inputs, ours, {}, draws)
 
 
 @pytest.mark.parametrize(
@@ -461,7 +471,7 @@ def test_cells_are_counted_by_what_they_show():
 
 
 @pytest.mark.parametrize(
-    ("name", "known", "said"),
+    ("name", "known", "message"),
     [
         (
             "abcx",
@@ -483,27 +493,29 @@ def test_cells_are_counted_by_what_they_show():
         ("x" * 201, ["y"], ""),
     ],
 )
-def test_the_nearest_name(name, known, said):
-    assert nearest(name, known) == said
-
-
-@pytest.mark.parametrize(("count", "said"), [(2000, "; did you mean n7?"), (2001, "")])
-def test_no_nearest_of_very_many_names(count, said):
-    assert nearest("n7 ", (f"n{i}" for i in range(count))) == said
+def test_the_nearest_name(name, known, message):
+    assert nearest(name, known) == message
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("count", "message"), [(2000, "; did you mean n7?"), (2001, "")]
+)
+def test_no_nearest_of_very_many_names(count, message):
+    assert nearest("n7 ", (f"n{i}" for i in range(count))) == message
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
     [
         (("sweep", "plant/spin", "spacecraft.x=1", "--samples", "-1"), "--samples"),
         (("campaign", "case", "nowhere", "--", "-1"), "'number'"),
     ],
 )
-def test_numbers_below_the_least_are_refused(arguments, told, desat):
-    said = desat(*arguments)
-    assert said.returncode == Exit.INPUT
-    assert told in said.stderr
-    assert "greater than or equal to 0" in said.stderr
+def test_numbers_below_the_least_are_refused(arguments, message, desat):
+    outcome = desat(*arguments)
+    assert outcome.returncode == Exit.INPUT
+    assert message in outcome.stderr
+    assert "greater than or equal to 0" in outcome.stderr
 
 
 def test_what_size_recommends_by_default():
@@ -522,7 +534,7 @@ def test_what_size_recommends_by_default():
 
 
 @pytest.mark.parametrize(
-    ("given", "wish", "page"),
+    ("values", "wish", "page"),
     [
         ((), True, "size-nadir_day-day-dipole.html"),
         (("--laws",), True, "size-nadir_day-day-dipole.html"),
@@ -533,42 +545,42 @@ def test_what_size_recommends_by_default():
     ],
 )
 def test_other_laws_than_the_crafts_by_default_but_of_maps(
-    given, wish, page, monkeypatch, tmp_path, desat
+    values, wish, page, monkeypatch, tmp_path, desat
 ):
     from desat.sizing import map as sizing_map
     from desat.sizing import page as sizing_page
     from desat.sizing import sizing
 
-    asked: dict[str, object] = {}
-    made = SimpleNamespace(problems=[], as_json=dict)
+    requests: dict[str, object] = {}
+    result = SimpleNamespace(problems=[], as_json=dict)
     monkeypatch.setattr(
         sizing,
         "size",
         lambda target, options, wishes, progress: (
-            asked.update(laws=wishes.laws) or made
+            requests.update(laws=wishes.laws) or result
         ),
     )
     monkeypatch.setattr(
         sizing_map,
         "map_of",
-        lambda target, options, axes, *rest: asked.update(laws=axes.laws) or made,
+        lambda target, options, axes, *rest: requests.update(laws=axes.laws) or result,
     )
-    monkeypatch.setattr("desat.cli.commands.size._print_sizing", lambda made: None)
-    monkeypatch.setattr("desat.cli.commands.size._print_map", lambda made: None)
+    monkeypatch.setattr("desat.cli.commands.size._print_sizing", lambda result: None)
+    monkeypatch.setattr("desat.cli.commands.size._print_map", lambda result: None)
     for name in ("write_sizing", "write_map"):
         monkeypatch.setattr(
-            sizing_page, name, lambda made, page: asked.update(page=page) or page
+            sizing_page, name, lambda result, page: requests.update(page=page) or page
         )
     monkeypatch.chdir(tmp_path)
-    assert desat("size", "nadir_day/day-dipole", *given).returncode == 0
-    assert asked["laws"] is wish
-    assert asked["page"] == Path("runs") / page
+    assert desat("size", "nadir_day/day-dipole", *values).returncode == 0
+    assert requests["laws"] is wish
+    assert requests["page"] == Path("runs") / page
 
 
 def test_jacobi_records_its_first_row_whatever_is_left_out():
     """Row 0 is of the start; each second row beside it."""
-    given = Options(algorithm="jacobi", every=2, stop=6.0, blocks=True)
-    run = simulate(prepare("nadir_day/day-dipole", given))
+    options = Options(algorithm="jacobi", every=2, stop=6.0, blocks=True)
+    run = simulate(prepare("nadir_day/day-dipole", options))
     assert run.results.times()[:3].tolist() == [0.0, 2.0, 4.0]
 
 
@@ -615,13 +627,15 @@ def test_a_requirement_that_is_not_met_ends_a_run_with_1(
     file, out = tmp_path / "mine.toml", tmp_path / "out"
     file.write_text(REQUIRED.format(calm=calm, dumped=dumped))
     done = desat("run", str(file), "--no-baseline", "--out", str(out))
-    said = done.stdout + done.stderr
+    message = done.stdout + done.stderr
     assert done.returncode == code
-    assert ("not met: calm: APE" in said) == ("NOT MET" in said) == (
+    assert ("not met: calm: APE" in message) == ("NOT MET" in message) == (
         calm == 0.01
     ) or dumped < 100
-    assert ("not met: dumped: " in said) == (dumped == 60.0)
-    assert ("not checked: dumped: not reached at 960 s" in said) == (dumped == 7200.0)
+    assert ("not met: dumped: " in message) == (dumped == 60.0)
+    assert ("not checked: dumped: not reached at 960 s" in message) == (
+        dumped == 7200.0
+    )
     manifest = load_run(out).manifest
     verdict = manifest.verdicts["calm"]
     assert verdict.met == (calm == 179.0) == (verdict.margin > 0.0)
@@ -676,7 +690,7 @@ def test_a_margin_is_a_share_of_the_nearer_limit(value, limits, met, margin):
 
 
 @pytest.mark.parametrize(
-    ("number", "until", "why"),
+    ("number", "until", "reason"),
     [
         ("late", 99.0, "not reached at 99 s, where the run ends; it has until 100 s"),
         ("late", 100.0, ""),
@@ -684,10 +698,10 @@ def test_a_margin_is_a_share_of_the_nearer_limit(value, limits, met, margin):
         ("then", 49.0, "the run ends at 49 s, before 50 s, where its window begins"),
     ],
 )
-def test_a_run_that_is_too_short_does_not_judge(number, until, why):
+def test_a_run_that_is_too_short_does_not_judge(number, until, reason):
     found, unjudged = verdict(None, number, until, max=100.0)
-    assert unjudged == ({number: why} if why else {})
-    assert bool(found) == (not why)
+    assert unjudged == ({number: reason} if reason else {})
+    assert bool(found) == (not reason)
 
 
 def test_a_number_that_is_not_recorded_is_not_judged():
@@ -698,16 +712,16 @@ def test_a_number_that_is_not_recorded_is_not_judged():
 
 
 def test_a_checkpoint_says_how_long_the_run_took_until_then(tmp_path):
-    given = Options(stop=60.0, checkpoint=10.0, blocks=True)
-    run = simulate(prepare("nadir_day/day-dipole", given), tmp_path / "run")
-    told = newest(tmp_path / "run").about["seconds"]
-    assert 0.0 < told <= run.manifest.wall_seconds
+    options = Options(stop=60.0, checkpoint=10.0, blocks=True)
+    run = simulate(prepare("nadir_day/day-dipole", options), tmp_path / "run")
+    answer = newest(tmp_path / "run").about["seconds"]
+    assert 0.0 < answer <= run.manifest.wall_seconds
 
 
 def test_the_first_option_that_belongs_to_a_map_is_named(desat):
-    said = desat("size", "nadir_day/day-dipole", "--dipoles", "0.1", "--rods", "1,2")
-    assert said.returncode == Exit.INPUT
-    assert "--rods: it belongs to --map" in said.stderr
+    outcome = desat("size", "nadir_day/day-dipole", "--dipoles", "0.1", "--rods", "1,2")
+    assert outcome.returncode == Exit.INPUT
+    assert "--rods: it belongs to --map" in outcome.stderr
 
 
 def test_check_is_as_run_by_default():

@@ -64,17 +64,17 @@ MOVED: dict[str, float] = {
 }
 
 
-def node(code: str, given: Any) -> Any:
+def node(code: str, values: Any) -> Any:
     """What a script prints as JSON; it finds what it is given as JSON in `input`. A
     number that is not finite is a text."""
-    whole = f"""const input = JSON.parse(require("fs").readFileSync(0));
+    full = f"""const input = JSON.parse(require("fs").readFileSync(0));
 {code}
 console.log(JSON.stringify(told, (k, v) =>
   typeof v === "number" && !Number.isFinite(v) ? String(v) : v));"""
     assert NODE is not None
     done = subprocess.run(
-        [NODE, "-e", whole],
-        input=json.dumps(given),
+        [NODE, "-e", full],
+        input=json.dumps(values),
         capture_output=True,
         text=True,
         check=False,
@@ -170,11 +170,11 @@ def test_measures_and_derived_quantities_are_those_of_their_python():
     args = {
         name: [
             ("norm" if a == "norm_" else known.get(a, a)) if isinstance(a, str) else a
-            for a in given
+            for a in inputs
         ]
-        for name, given in tried.items()
+        for name, inputs in tried.items()
     }
-    told = node(
+    answer = node(
         f"""{numpy_source()}{code}
 const asked = (x) => x instanceof Array && x[0] instanceof Array
   ? $.array(x.map((r) => $.array(r))) : x;
@@ -196,7 +196,7 @@ for (const [name, args] of Object.entries(input.args)) {{
             [known["times"]] if name in MEASURES or name == "momentum_budget" else []
         )
         want = np.ravel(functions[name](*times, *of))
-        got = np.array([float(x) for x in told[name]])
+        got = np.array([float(x) for x in answer[name]])
         assert np.allclose(got, want, rtol=1e-12, atol=1e-12, equal_nan=True), name
 
 
@@ -230,7 +230,7 @@ OPTIONS = Options(stop=float(STEPS), substeps=2)
 
 
 @pytest.fixture(scope="module")
-def made(craft):
+def exported_page(craft):
     """The page of a craft with two laws, in which eight sliders move; 200 s."""
     laws = options_of_laws(str(craft), OPTIONS, ["predictive"])
     return page.export(str(craft), laws, SLIDERS, craft.parent / "page.html"), laws
@@ -248,10 +248,10 @@ FAILS = 1e9
 of."""
 
 
-def flown(path: Path, law: int, moved: dict[str, float]) -> dict[str, Any]:
+def fly(path: Path, law: int, moved: dict[str, float]) -> dict[str, Any]:
     """The series of a flight in node, its numbers, and what it said of two faults
     before: one at the start, one under way."""
-    told, worker = told_of(path)
+    answer, worker = told_of(path)
     return node(
         """globalThis.postMessage = () => {};
 const [told0, worker, law, moved, fails] = input;
@@ -268,7 +268,7 @@ const told = { first, way, said, fault: flight.fault, table: flight.table,
   fullest: flight.law.managed && flight.fullest(),
   series: Object.fromEntries(Object.keys(flight.law.series).map((name) =>
     [name, Array.from(flight.series(name).data)])) };""",
-        [told, worker, law, moved, FAILS],
+        [answer, worker, law, moved, FAILS],
     )
 
 
@@ -294,25 +294,25 @@ def alike(found: dict[str, Any], run: Run, within: float) -> list[str]:
 @pytest.mark.parametrize("law", [0, 1])
 @pytest.mark.parametrize("moved", [{}, MOVED], ids=["as it is", "moved"])
 def test_a_flight_is_that_of_a_run_with_what_follows_from_sliders(
-    made, craft, law, moved
+    exported_page, craft, law, moved
 ):
     """Also after two that failed: it flies on after the reset."""
-    told, laws = made
+    answer, laws = exported_page
     options = [*laws.values()][law]
-    facts, _ = told_of(told.path)
+    facts, _ = told_of(answer.path)
     sliders = {s["name"]: s for s in facts["laws"][law]["sliders"]}
     before = facts["laws"][law]["values"]
-    given = dict(moved)
-    sets = [text_of(sliders[name], value, before) for name, value in given.items()]
+    inputs = dict(moved)
+    sets = [text_of(sliders[name], value, before) for name, value in inputs.items()]
     run = execute(
         str(craft), Options(**{**vars(options), "sets": [*options.sets, *sets]}), None
     )
     assert run.ok
-    found = flown(told.path, law, given)
+    found = fly(answer.path, law, inputs)
     assert "speed_limit = " in found["first"]
-    begun, said = found["way"]
+    begun, message = found["way"]
     assert begun == ""
-    assert "take a shorter step" in said
+    assert "take a shorter step" in message
     assert found["said"] == found["fault"] == ""
     assert len(found["series"]) > 8
     assert alike(found, run, WITHIN[law]) == []
@@ -337,9 +337,9 @@ def test_a_craft_that_dumps_by_thrusters_has_the_standard_numbers_on_its_page(
     target = str(tmp_path / "c")
     sets = [f"wheels.h_start_wheel={start},{start},{start},{start}"]
     options = Options(stop=3000.0, sets=sets)
-    told = page.export(target, {"threshold": options}, [], tmp_path / "page.html")
+    answer = page.export(target, {"threshold": options}, [], tmp_path / "page.html")
     run = execute(target, options, None)
-    found = flown(told.path, 0, {})
+    found = fly(answer.path, 0, {})
     standard = {"sum_rms", "momentum_margin", "limit_time", "left_rms", "unmanaged_rms"}
     assert standard <= found["numbers"].keys() & run.manifest.numbers.keys()
     assert "coil_duty" not in run.manifest.numbers
@@ -356,22 +356,20 @@ def test_a_craft_that_dumps_by_thrusters_has_the_standard_numbers_on_its_page(
 def text_of(slider: dict[str, Any], value: float, values: dict[str, Any]) -> str:
     """`NAME=VALUE` of a slider as the page is told of it."""
     fields = {k: v for k, v in slider.items() if k != "shown"}
-    whole = page.Slider(**fields)
-    return whole.value_text(
-        value, values[next(t for t in whole.targets if t in values)]
-    )
+    full = page.Slider(**fields)
+    return full.value_text(value, values[next(t for t in full.targets if t in values)])
 
 
 @needs_zig
-def test_the_same_page_comes_out_again_and_needs_no_server(made, craft):
-    told, laws = made
-    text = told.path.read_text()
+def test_the_same_page_comes_out_again_and_needs_no_server(exported_page, craft):
+    answer, laws = exported_page
+    text = answer.path.read_text()
     tree = html.fromstring(text)
     assert not tree.xpath("//*[@src] | //link | //img")
     assert not re.search(
         r"url\(|@import|fetch\(|https?://(?!github.com/leeoniya)", text
     )
-    assert told.digest in text
+    assert answer.digest in text
     again = page.export(str(craft), laws, SLIDERS, craft.parent / "again.html")
     assert again.path.read_text() == text
     for licence in (
@@ -388,7 +386,7 @@ def test_the_same_page_comes_out_again_and_needs_no_server(made, craft):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (
             ["--slider", "torquers.m_limt=0:1"],
@@ -419,7 +417,7 @@ def test_the_same_page_comes_out_again_and_needs_no_server(made, craft):
     ],
 )
 @needs_zig
-def test_what_no_page_can_have_is_refused(desat, craft, arguments, said, tmp_path):
+def test_what_no_page_can_have_is_refused(desat, craft, arguments, message, tmp_path):
     stop = [] if "--stop" in arguments else ["--stop", "200"]
     done = desat(
         "export",
@@ -431,7 +429,7 @@ def test_what_no_page_can_have_is_refused(desat, craft, arguments, said, tmp_pat
         *arguments,
     )
     assert done.returncode == 2
-    assert said in done.stderr, done.stderr
+    assert message in done.stderr, done.stderr
     assert not (tmp_path / "x.html").exists()
 
 
@@ -451,7 +449,7 @@ def _no_zig() -> tuple[str, ...]:
 @needs_zig
 @pytest.mark.parametrize("width", [1400, 420])
 def test_a_slider_moved_in_a_browser_gives_what_the_shown_line_prints(
-    browser, made, craft, desat, width, tmp_path
+    browser, exported_page, craft, desat, width, tmp_path
 ):
     """The numbers of the page are those of `desat run`; the address brings the page
     back."""
@@ -467,7 +465,7 @@ def test_a_slider_moved_in_a_browser_gives_what_the_shown_line_prints(
             && !document.getElementById("numbers").classList.contains("pale")""",
         )
 
-    tab.goto(made[0].path.as_uri())
+    tab.goto(exported_page[0].path.as_uri())
     waited()
     assert tab.evaluate("document.documentElement.scrollWidth") <= width
     tab.locator("#compare").click()
@@ -509,7 +507,7 @@ def test_a_slider_moved_in_a_browser_gives_what_the_shown_line_prints(
     tab.goto(address)
     waited()
     assert shlex.split(tab.locator("#command").inner_text()) == line
-    tab.goto(made[0].path.as_uri() + "#wheels.speed_limit=-3")
+    tab.goto(exported_page[0].path.as_uri() + "#wheels.speed_limit=-3")
     wait_until(tab, "document.getElementById('fault').textContent")
     assert "speed_limit = " in tab.locator("#fault").inner_text()
     tab.locator("#reset").click()
@@ -554,9 +552,9 @@ def test_each_law_has_its_own_sliders(usual_page):
 def test_a_range_that_was_asked_for_is_of_the_laws_whose_value_lies_in_it(craft):
     options = Options(stop=float(STEPS), substeps=2)
     laws = options_of_laws(str(craft), options, LAWS)
-    asked = [f"{GAIN}=10:60", "torquers.m_limit=0.3:0.5"]
-    made = page.export(str(craft), laws, asked, craft.parent / "asked.html")
-    facts, _ = told_of(made.path)
+    requests = [f"{GAIN}=10:60", "torquers.m_limit=0.3:0.5"]
+    exported_page = page.export(str(craft), laws, requests, craft.parent / "asked.html")
+    facts, _ = told_of(exported_page.path)
     ranges = {
         (law["name"], s["name"]): (s["low"], s["high"])
         for law in facts["laws"]
@@ -568,7 +566,9 @@ def test_a_range_that_was_asked_for_is_of_the_laws_whose_value_lies_in_it(craft)
     assert all(
         ranges[x, "torquers.m_limit"] == (0.3, 0.5) for x in ("ccpl", "predictive")
     )
-    assert [n.partition(":")[0] for n in made.notes if n.startswith("slider")] == [
+    assert [
+        n.partition(":")[0] for n in exported_page.notes if n.startswith("slider")
+    ] == [
         f"slider {GAIN}",
         "slider torquers.m_limit",
     ]
@@ -581,10 +581,10 @@ def test_a_slider_is_checked_with_its_value_in_place_of_one_that_was_given(craft
     laws = options_of_laws(str(craft), options, ["ccpl"])
     with pytest.raises(page.DesatError, match="allowed is 0 to inf"):
         page.export(str(craft), laws, [f"{GAIN}=-1:0.01"], craft.parent / "x.html")
-    made = page.export(
+    exported_page = page.export(
         str(craft), laws, [f"{GAIN}=0.001:0.01"], craft.parent / "twice.html"
     )
-    assert made.sliders == (GAIN,)
+    assert exported_page.sliders == (GAIN,)
 
 
 GEO = (
@@ -601,7 +601,7 @@ THRUSTER_SLIDERS = [
 
 
 @pytest.mark.parametrize(
-    ("given", "wanted"),
+    ("inputs", "expected"),
     [
         (GEO, THRUSTER_SLIDERS),
         (
@@ -612,13 +612,13 @@ THRUSTER_SLIDERS = [
     ],
 )
 def test_sliders_of_a_craft_with_thrusters_are_those_of_its_dumps(
-    desat, tmp_path, given, wanted
+    desat, tmp_path, inputs, expected
 ):
     """Thresholds, thrust, arm and start momentum; what holds the craft's own values."""
-    desat("new", "craft", "c", *shlex.split(given), check=True, cwd=tmp_path)
+    desat("new", "craft", "c", *shlex.split(inputs), check=True, cwd=tmp_path)
     system, _ = prepare(read(str(tmp_path / "c")), Options(stop=100.0)).or_raise()
     found = {s.name: s for s in usual(system)}
-    assert list(found) == wanted
+    assert list(found) == expected
     assert all(s.holds_start and s.low < s.high for s in found.values())
     begin, end = found["manager.begin"], found["manager.end"]
     wheels = system.components["wheels"].values
@@ -639,7 +639,7 @@ def test_a_craft_with_coils_and_thrusters_has_the_sliders_of_both():
 
 
 @pytest.mark.parametrize(
-    ("line", "said"),
+    ("line", "message"),
     [
         ("export web {} --law foo", "foo: no law and no manager"),
         ("export web {} --law predictive --law magnetc", "did you mean magnetic?"),
@@ -659,12 +659,12 @@ def test_a_craft_with_coils_and_thrusters_has_the_sliders_of_both():
 )
 @needs_zig
 def test_names_are_looked_at_before_anything_flies(
-    desat, craft, monkeypatch, line, said
+    desat, craft, monkeypatch, line, message
 ):
     monkeypatch.setattr(ranking, "_fly", _no_flight)
     done = desat(*shlex.split(line.format(craft)))
     assert done.returncode == 2
-    assert said in done.stderr, done.stderr
+    assert message in done.stderr, done.stderr
     assert len(done.stderr.splitlines()) == 1
 
 
@@ -715,13 +715,13 @@ const told = flight.warnings;""",
     done = desat(
         "run", str(craft), "--stop", "20", *sets, "--out", str(tmp_path / "run")
     )
-    said = [
+    messages = [
         x.rpartition(": ")[0].rpartition(": ")[2] + ": " + x.rpartition(": ")[2]
         for x in done.stderr.splitlines()
         if ": usual is " in x
     ]
-    assert said
-    assert {*said} == {*warned}
+    assert messages
+    assert {*messages} == {*warned}
 
 
 class Tab:
@@ -847,11 +847,11 @@ def test_a_value_outside_a_slider_is_refused_where_it_is_typed(
     at = Tab(browser, usual_page.path)
     before, command = at.value(slider), at.text("command")
     at.type(slider, text)
-    said = [x for x in at.tab.locator(".refused").all_inner_texts() if x]
-    assert len(said) == 1
-    assert said[0].startswith(f"{slider} = ")
-    assert f"it stays at {before:g}"[:16] in said[0]
-    assert " to " in said[0]
+    messages = [x for x in at.tab.locator(".refused").all_inner_texts() if x]
+    assert len(messages) == 1
+    assert messages[0].startswith(f"{slider} = ")
+    assert f"it stays at {before:g}"[:16] in messages[0]
+    assert " to " in messages[0]
     assert at.text("command") == command
     at.type(slider, str(before))
     assert not [x for x in at.tab.locator(".refused").all_inner_texts() if x]
@@ -860,7 +860,7 @@ def test_a_value_outside_a_slider_is_refused_where_it_is_typed(
 
 @needs_zig
 @pytest.mark.parametrize(
-    ("address", "said"),
+    ("address", "message"),
     [
         (
             "#torquers.m_limit=1000000",
@@ -879,15 +879,15 @@ def test_a_value_outside_a_slider_is_refused_where_it_is_typed(
         ("#law=ccpl&manager.gain=0.002", ["manager.gain = 0.002 1/s: outside "]),
     ],
 )
-def test_an_address_beyond_the_sliders_warns(browser, usual_page, address, said):
+def test_an_address_beyond_the_sliders_warns(browser, usual_page, address, message):
     """What it can fly it flies, and says that it lies outside; reset takes the words
     away."""
     at = Tab(browser, usual_page.path, address)
     warned = "\n".join(at.warnings())
-    for text in said:
+    for text in message:
         assert text in warned
-    if "outside" in said[0]:
-        name, _, value = said[0].partition(":")[0].partition(" = ")
+    if "outside" in message[0]:
+        name, _, value = message[0].partition(":")[0].partition(" = ")
         assert at.value(name) == float(value.split()[0])
     at.tab.locator("#reset").click()
     at.wait()

@@ -284,7 +284,7 @@ def test_stopping_standing_and_breaking_loose_do_not_depend_on_the_step(
         (-3e-4, 1e-3, 0.0, 0.0),
         (-7e-4, -6.1e-4, 0.0, 0.0),
     ]
-    given = {
+    values = {
         "viscous": 2e-5,
         "coulomb": 5e-4,
         "stiction": 6e-4,
@@ -292,7 +292,7 @@ def test_stopping_standing_and_breaking_loose_do_not_depend_on_the_step(
         "compensation": compensation,
         "h_start_wheel": (1.9 * J, 0.0, -3.0 * J, 0.0),
     }
-    rows, fine = momenta(dt, commands, **given), momenta(0.01, commands, **given)
+    rows, fine = momenta(dt, commands, **values), momenta(0.01, commands, **values)
     assert rows == pytest.approx(fine, abs=1e-8)
     assert rows[0, 1] == 0.0
     assert compensation or rows[3, 2] == 0.0, (
@@ -304,14 +304,14 @@ def test_stopping_standing_and_breaking_loose_do_not_depend_on_the_step(
 @pytest.mark.parametrize("dt", [0.25, 1.0, 10.0])
 def test_a_rotor_that_turns_back_within_a_step_has_stood(dt):
     """Friction stops it at once, its motor breaks it loose the same way it was going."""
-    given = {
+    values = {
         "coulomb": 3e-3,
         "stiction": 6e-3,
         "motor_lag": 0.3,
         "h_start_wheel": (-1.5e-3 * J, 0.0, 0.0, 0.0),
     }
     ((first,), (last,)) = (
-        momenta(x, [(-0.02, 0.0, 0.0, 0.0)], **given) for x in (dt, 0.01)
+        momenta(x, [(-0.02, 0.0, 0.0, 0.0)], **values) for x in (dt, 0.01)
     )
     assert first == pytest.approx(last, abs=1e-12)
 
@@ -338,8 +338,8 @@ def test_stiction_below_friction_is_refused():
 @pytest.mark.parametrize("dt", [0.01, 0.25, 1.0, 4.0, 5.0, 10.0])
 def test_speed_mode_does_not_depend_on_the_step(dt):
     """Once a limit cycle at 4 s and the wrong sign at 5 s."""
-    given = {"command_mode": 1, "viscous": 2e-5, "motor_lag": 0.05}
-    block, fine = wheels(**given), wheels(**given)
+    values = {"command_mode": 1, "viscous": 2e-5, "motor_lag": 0.05}
+    block, fine = wheels(**values), wheels(**values)
     for each in (block, fine):
         each.speed_cmd_wheel = (3.0, -2.0, 1.0, 0.0)
     for k in range(3):
@@ -382,7 +382,7 @@ def test_a_wheel_fails_inside_a_step(at, dt):
 )
 @pytest.mark.parametrize("dt", STEPS)
 def test_the_limit_is_found_inside_a_step(dt, friction):
-    given = {
+    values = {
         "speed_limit": 100.0,
         "motor_lag": 0.3,
         "h_start_wheel": (0.75, -0.78, 0.0, 0.0),
@@ -392,8 +392,8 @@ def test_the_limit_is_found_inside_a_step(dt, friction):
         (-0.01, 0.02, 0.0, 0.0),
         (0.02, -0.02, 0.0, 0.0),
     ]
-    rows = momenta(dt, commands, **given, **friction)
-    fine = momenta(0.01, commands, **given, **friction)
+    rows = momenta(dt, commands, **values, **friction)
+    fine = momenta(0.01, commands, **values, **friction)
     # a compensating loop takes friction as linear over the step
     assert rows == pytest.approx(fine, abs=1e-6 if "compensation" in friction else 1e-7)
     assert rows[0] == pytest.approx((0.8, -0.8, 0.0, 0.0), abs=1e-12)
@@ -467,9 +467,9 @@ def jitter(dt: float, **values) -> np.ndarray:
 
 @pytest.mark.parametrize("dt", [0.1, 0.5, 1.0, 2.0])
 def test_jitter_does_not_depend_on_the_step_and_leaves_no_momentum(dt):
-    given = {"unbalance": 1e-6, "h_start_wheel": (0.5, 0.3, -0.2, 0.0)}
-    rows = jitter(dt, **given)
-    assert rows == pytest.approx(jitter(0.01, **given), abs=1e-12)
+    values = {"unbalance": 1e-6, "h_start_wheel": (0.5, 0.3, -0.2, 0.0)}
+    rows = jitter(dt, **values)
+    assert rows == pytest.approx(jitter(0.01, **values), abs=1e-12)
     fastest = (0.5 + 0.3 + 0.2 + 40 * 0.015) / J
     assert 1e-5 < np.abs(rows).max() < 2.0 * 1e-6 * fastest
 

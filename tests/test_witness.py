@@ -120,8 +120,8 @@ def packed(name, kind, folder):
 def test_libcosim_agrees(name, kind, tmp_path):
     path = packed(name, kind, tmp_path)
     outputs = real_outputs(path)
-    wanted = [(c, list(v.values())) for c, v in outputs.items()]
-    theirs = rows_of(python(LIBCOSIM, str(path), json.dumps(wanted), str(STEPS)))
+    expected = [(c, list(v.values())) for c, v in outputs.items()]
+    theirs = rows_of(python(LIBCOSIM, str(path), json.dumps(expected), str(STEPS)))
     mine = columns(execute(name, SHORT), outputs)[:STEPS]
     assert theirs.shape == mine.shape
     print("largest difference", np.abs(theirs - mine).max())
@@ -138,10 +138,10 @@ def test_libcosim_agrees(name, kind, tmp_path):
 def test_ecos_agrees(name, kind, tmp_path):
     path = packed(name, kind, tmp_path)
     outputs = real_outputs(path)
-    wanted = [(c, v) for c, variables in outputs.items() for v in variables]
+    expected = [(c, v) for c, variables in outputs.items() for v in variables]
     run = execute(name, SHORT)
     step = str(run.manifest["step"])
-    theirs = rows_of(python(ECOS, str(path), json.dumps(wanted), str(STEPS), step))
+    theirs = rows_of(python(ECOS, str(path), json.dumps(expected), str(STEPS), step))
     mine = columns(run, outputs)[:STEPS]
     print("largest difference", np.abs(theirs - mine).max())
     assert np.abs(theirs - mine).max() <= 1e-12
@@ -168,8 +168,8 @@ def test_libcosim_agrees_through_a_firing_whose_edges_are_inside_steps(
     file.write_text(FIRING.format(law=law, start=start), encoding="utf-8")
     path = pack_scenario(read_foreign(file), tmp_path / "firing.ssp")
     outputs = real_outputs(path)
-    wanted = [(c, list(v.values())) for c, v in outputs.items()]
-    theirs = rows_of(python(LIBCOSIM, str(path), json.dumps(wanted), str(STEPS)))
+    expected = [(c, list(v.values())) for c, v in outputs.items()]
+    theirs = rows_of(python(LIBCOSIM, str(path), json.dumps(expected), str(STEPS)))
     run = execute(str(file), Options(algorithm="jacobi", stop=float(STEPS)))
     mine = columns(run, outputs)
     assert theirs.shape == mine.shape
@@ -199,8 +199,8 @@ def test_libcosim_agrees_on_components_that_step_less_often(tmp_path):
     pack(system, path)
     assert Builder(read(path)).components["manager"].step_ratio == 6
     outputs = real_outputs(path)
-    wanted = [(c, list(v.values())) for c, v in outputs.items()]
-    theirs = rows_of(python(LIBCOSIM, str(path), json.dumps(wanted), str(STEPS)))
+    expected = [(c, list(v.values())) for c, v in outputs.items()]
+    theirs = rows_of(python(LIBCOSIM, str(path), json.dumps(expected), str(STEPS)))
     mine = columns(execute(str(path), SHORT), outputs)[:STEPS]
     assert np.abs(theirs - mine).max() <= 1e-12
 
@@ -210,6 +210,6 @@ def test_where_an_fmu_fails_they_do_what_the_page_says(tool):
     """`python tests/others.py` tries all failures."""
     if not importlib.util.find_spec(others.PACKAGES[tool]):
         pytest.skip(f"{others.PACKAGES[tool]} not installable")
-    kept = seen.known()["others"][tool]
+    saved = seen.known()["others"][tool]
     found = others.all_of(tool, ("SEGFAULT", "EXIT_0", "NOT_FINITE"))
-    assert found == {name: kept[name] for name in found}
+    assert found == {name: saved[name] for name in found}

@@ -128,8 +128,8 @@ def test_words_of_the_house_are_gone() -> None:
     found = [
         f"{place}: {word!r} (now: {WORDS[word]}): {' '.join(text.split())[:100]}"
         for place, text in all_texts()
-        for word, where in old.items()
-        if where.search(text)
+        for word, location in old.items()
+        if location.search(text)
     ]
     assert not found, "\n".join(found)
 
@@ -371,7 +371,7 @@ def bare_names(source: str) -> set[str]:
 def test_names_are_nouns_and_verbs() -> None:
     found = {
         (file.relative_to(ROOT).as_posix(), name)
-        for folder in CODE
+        for folder in (*CODE, "tests", "benchmarks")
         for file in sorted((ROOT / folder).rglob("*.py"))
         for name in bare_names(file.read_text(encoding="utf-8"))
     }

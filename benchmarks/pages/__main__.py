@@ -36,14 +36,16 @@ def main() -> int:
         help="to try a template: runs end after so many seconds",
     )
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
-    given = parser.parse_args()
-    if given.draft is not None and not 1.0 <= given.draft < inf:
-        parser.error(f"--draft {given.draft:g}: seconds from 1 on are needed")
+    arguments = parser.parse_args()
+    if arguments.draft is not None and not 1.0 <= arguments.draft < inf:
+        parser.error(f"--draft {arguments.draft:g}: seconds from 1 on are needed")
     try:
-        for family in given.families or writing.families():
-            into = given.into / family if given.into is not None else None
-            made = writing.write(family, into, given.jobs, given.draft, ValidationVerbs)
-            print(*map(os.path.relpath, made), sep="\n")
+        for family in arguments.families or writing.families():
+            into = arguments.into / family if arguments.into is not None else None
+            result = writing.write(
+                family, into, arguments.jobs, arguments.draft, ValidationVerbs
+            )
+            print(*map(os.path.relpath, result), sep="\n")
     except DesatError as error:
         print(f"error: {error}", file=sys.stderr)
         return int(error.code)

@@ -149,19 +149,19 @@ def plant_of(manifest: Manifest, results: Results) -> OneWheelPlant:
             f"{manifest.scenario}: {missing[0]} is not recorded; the least time "
             "needs it"
         )
-    given = {c: manifest.values_of(c) for c in manifest.parameters}
-    spin = np.asarray(given["wheels"]["inertia_wheel"])
-    axes = np.reshape(given["wheels"]["axes_wheel"], (3, 4))
+    inputs = {c: manifest.values_of(c) for c in manifest.parameters}
+    spin = np.asarray(inputs["wheels"]["inertia_wheel"])
+    axes = np.reshape(inputs["wheels"]["axes_wheel"], (3, 4))
     if (places := np.flatnonzero(axes.any(axis=0))).size != 1:
         raise DesatError(
             f"{manifest.scenario}: {places.size} wheels; the least time is of one"
         )
     wheel = int(places[0])
-    inertia, axis = np.reshape(given["spacecraft"]["inertia"], (3, 3)), axes[:, wheel]
+    inertia, axis = np.reshape(inputs["spacecraft"]["inertia"], (3, 3)), axes[:, wheel]
     carrier = inertia - spin[wheel] * np.outer(axis, axis)
     q, omega, field, place, h = (results.values(s) for s in SIGNALS)
     start = np.r_[q[0], carrier @ omega[0] + h[0, wheel] * axis, h[0, wheel]]
-    torque = min(given["manager"]["torque_limit"], given["wheels"]["torque_limit"])
+    torque = min(inputs["manager"]["torque_limit"], inputs["wheels"]["torque_limit"])
     return OneWheelPlant(
         inertia,
         carrier,
@@ -170,9 +170,9 @@ def plant_of(manifest: Manifest, results: Results) -> OneWheelPlant:
         place,
         manifest.step,
         start,
-        given["torquers"]["m_limit"],
+        inputs["torquers"]["m_limit"],
         torque,
-        given["manager"]["h_limit"],
+        inputs["manager"]["h_limit"],
     )
 
 
@@ -181,9 +181,9 @@ def floor_of(plant: OneWheelPlant, limit: float) -> float:
     most torque of three coils across the strongest field and of the wheel, as if it
     worked about all axes."""
     begin = float(np.linalg.norm(plant.carrier @ plant.rates(plant.start)))
-    left = limit * float(np.linalg.norm(np.abs(plant.carrier).sum(axis=1)))
+    remaining = limit * float(np.linalg.norm(np.abs(plant.carrier).sum(axis=1)))
     most = float(np.linalg.norm(plant.field, axis=1).max()) * sqrt(3.0) * plant.dipole
-    return max(begin - left, 0.0) / (most + plant.torque)
+    return max(begin - remaining, 0.0) / (most + plant.torque)
 
 
 def of_run(

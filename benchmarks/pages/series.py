@@ -41,13 +41,13 @@ class Series:
 
     def until(self, end: float) -> Series:
         """The rows up to a time (s)."""
-        kept = self.times <= end + 1e-6
-        return Series(self.times[kept], self.values[kept])
+        saved = self.times <= end + 1e-6
+        return Series(self.times[saved], self.values[saved])
 
     def every(self, seconds: float) -> Series:
         """The rows whose time is a multiple of so many seconds."""
-        kept = np.abs(self.times / seconds - np.round(self.times / seconds)) < 1e-6
-        return Series(self.times[kept], self.values[kept])
+        saved = np.abs(self.times / seconds - np.round(self.times / seconds)) < 1e-6
+        return Series(self.times[saved], self.values[saved])
 
     def mean_over(self, seconds: float) -> Series:
         """The mean of each so many seconds, at their middle: of what is switched on and

@@ -47,8 +47,8 @@ class Sources:
         """The stop time of a run; None: that of the scenario."""
         if self.draft is None:
             return stop
-        own = stop or find(self.name_of(scenario)).content.stop
-        return self.draft if own is None else min(own, self.draft)
+        own_value = stop or find(self.name_of(scenario)).content.stop
+        return self.draft if own_value is None else min(own_value, self.draft)
 
     def run(
         self,
@@ -94,19 +94,19 @@ class Sources:
         return stored.read(self.family) if self.draft is not None else self._renewed({})
 
     def _renewed(self, also: dict[str, set[str]]) -> stored.StoredDraws:
-        made = stored.renew(self.family, self.jobs, sys.stderr.isatty(), also)
-        stored.write(made)
-        return made
+        result = stored.renew(self.family, self.jobs, sys.stderr.isatty(), also)
+        stored.write(result)
+        return result
 
     def draws_of(self, scenario: str, number: str = "") -> stored.StoredScenario:
         """The draws of a scenario, and of these a number that has not been stored yet,
         for which they are made anew. Raises DesatError where it has none, and in a
         draft for such a number.
         """
-        name, kept = self.name_of(scenario), self.draws["scenarios"]
-        if name not in kept:
-            raise DesatError(f"{scenario} has no draws{nearest(name, kept)}")
-        if number and number not in kept[name]["units"]:
+        name, saved = self.name_of(scenario), self.draws["scenarios"]
+        if name not in saved:
+            raise DesatError(f"{scenario} has no draws{nearest(name, saved)}")
+        if number and number not in saved[name]["units"]:
             known = {n for a in analyses() for n in a.NUMBERS}
             known |= find(name).content.numbers.keys()
             if number not in known:

@@ -43,12 +43,12 @@ def study(
     skew[:, 0, 1], skew[:, 0, 2], skew[:, 1, 2] = -b[:, 2], b[:, 1], -b[:, 0]
     skew -= skew.transpose(0, 2, 1)
     product = skew.transpose(0, 2, 1) @ course.weighting @ skew
-    wanted = _directions(DIRECTIONS)
+    expected = _directions(DIRECTIONS)
     entries = []
     for period in periods:
         count = round(period / course.dt)
         begins = np.unique(np.linspace(0, len(product) - count, STARTS).astype(int))
-        rows = [_period(product[k : k + count], wanted) for k in begins]
+        rows = [_period(product[k : k + count], expected) for k in begins]
         conditions, torques, swings, angles = zip(*rows, strict=True)
         entries.append(
             {
@@ -63,18 +63,16 @@ def study(
     return entries
 
 
-def _period(product: Any, wanted: Any) -> tuple[float, float, float, float]:
+def _period(product: Any, expected: Any) -> tuple[float, float, float, float]:
     """Condition, largest torque, swing and angle of a period; nan where Q is singular."""
-    whole = product.sum(axis=0)
-    condition = float(np.linalg.cond(whole))
+    full = product.sum(axis=0)
+    condition = float(np.linalg.cond(full))
     if condition > 1e12:
         return float("inf"), float("nan"), float("nan"), float("nan")
-    gains = (
-        product @ np.linalg.inv(whole) * len(product)
-    )  # T_M of H_D, times the period
-    torque = gains @ wanted.T
+    gains = product @ np.linalg.inv(full) * len(product)  # T_M of H_D, times the period
+    torque = gains @ expected.T
     size = np.linalg.norm(torque, axis=1)
-    cosine = (torque * wanted.T).sum(axis=1) / size
+    cosine = (torque * expected.T).sum(axis=1) / size
     largest = float(np.linalg.norm(gains, 2, axis=(1, 2)).max())
     so_far = np.cumsum(gains, axis=0) / len(product)
     swing = float(np.linalg.norm(so_far, 2, axis=(1, 2)).max())

@@ -51,8 +51,10 @@ class Verbs:
 
     def known(self) -> dict[str, Callable[..., Any]]:
         """The verbs by name."""
-        own = ("known", "figures")
-        names = (n for n in dir(type(self)) if not n.startswith("_") and n not in own)
+        own_value = ("known", "figures")
+        names = (
+            n for n in dir(type(self)) if not n.startswith("_") and n not in own_value
+        )
         return {name: getattr(self, name) for name in names}
 
     @property
@@ -80,13 +82,13 @@ class Verbs:
 
     def about(self, scenario: str, number: str) -> dict[str, Any]:
         """What a number is: its `title`, its `unit` as people write it."""
-        told = self._of.run(scenario).manifest.numbers[number]
-        return {**told.to_json(), "unit": spell_unit(told.unit)}
+        stated_numbers = self._of.run(scenario).manifest.numbers[number]
+        return {**stated_numbers.to_json(), "unit": spell_unit(stated_numbers.unit)}
 
     def parameter(self, scenario: str, text: str, unit: str = "") -> float:
         """A parameter of a run, or a product of several, in a unit (default: its own)."""
-        value, own = product(text, self._of.run(scenario).manifest.parameters)
-        return value * factor(own, unit, f'of "{text}"') if unit else value
+        value, own_value = product(text, self._of.run(scenario).manifest.parameters)
+        return value * factor(own_value, unit, f'of "{text}"') if unit else value
 
     def setting(self, scenario: str, key: str) -> Any:
         """What a scenario's file says for a key at its top, such as stop; `labels`:

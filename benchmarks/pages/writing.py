@@ -125,12 +125,12 @@ def _rendered(file: Path, verbs: Verbs) -> str:
 
 def _at(file: Path, error: Exception) -> Exception:
     """An error with the template's line before it; a bug of ours as it is."""
-    where = paths.shown(file)
+    place = paths.shown(file)
     if isinstance(error, TemplateSyntaxError):
-        return DesatError(f"{where}:{error.lineno}: {error.message}")
+        return DesatError(f"{place}:{error.lineno}: {error.message}")
     frames = traceback.extract_tb(error.__traceback__)
     lines = [f.lineno for f in frames if f.filename == str(file)]
-    text = f"{where}:{lines[-1] if lines else 1}: {error}"
+    text = f"{place}:{lines[-1] if lines else 1}: {error}"
     if isinstance(error, RunError):
         return RunError(text, error.code)
     innermost = Path(frames[-1].filename)

@@ -24,14 +24,14 @@ COLUMNS = {
 }
 
 
-def _convergence(given: argparse.Namespace) -> None:
+def _convergence(inputs: argparse.Namespace) -> None:
     """Print the errors of a scenario at several steps."""
-    steps = None if given.steps is None else tuple(map(float, given.steps.split(",")))
-    options = Options(stop=given.stop, substeps=given.substeps)
+    steps = None if inputs.steps is None else tuple(map(float, inputs.steps.split(",")))
+    options = Options(stop=inputs.stop, substeps=inputs.substeps)
     result = convergence.study(
-        given.target, options, steps, jobs=given.jobs, progress=True
+        inputs.target, options, steps, jobs=inputs.jobs, progress=True
     )
-    if given.json:
+    if inputs.json:
         print(json.dumps(result, indent=1))
         return
     print(" | ".join(("algorithm", *COLUMNS.values())))
@@ -61,9 +61,9 @@ def main() -> int:
     one.add_argument("--json", action="store_true")
     one.set_defaults(does=_convergence)
     one.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     try:
-        given.does(given)
+        arguments.does(arguments)
     except (DesatError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

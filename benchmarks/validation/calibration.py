@@ -124,19 +124,23 @@ def held(
     """A scenario with other values, at each of these substeps (None: its own), until
     `stop` (s)."""
 
-    def flown(substeps: int | None) -> tuple[Any, ...]:
+    def fly(substeps: int | None) -> tuple[Any, ...]:
         run = execute(
             target, Options(substeps=substeps, values=values or {}, stop=stop)
         ).or_raise(target)
-        told = run.manifest.substeps, run.manifest.numbers, bool(run.manifest.unmet)
-        return *(run.results.values(s) for s in _SIGNALS), *told
+        stated_numbers = (
+            run.manifest.substeps,
+            run.manifest.numbers,
+            bool(run.manifest.unmet),
+        )
+        return *(run.results.values(s) for s in _SIGNALS), *stated_numbers
 
-    q, h, *_ = flown(FINEST)
+    q, h, *_ = fly(FINEST)
     rows = []
     for each in substeps:
-        mine, wheels, made, numbers, refused = flown(each)
+        mine, wheels, result, numbers, refused = fly(each)
         error = difference(mine, wheels, q, h)[0]
-        rows.append(Row(name, made, error, numbers["hidden_work"].value, refused))
+        rows.append(Row(name, result, error, numbers["hidden_work"].value, refused))
     return rows
 
 

@@ -51,7 +51,7 @@ class Row:
 
 
 @dataclass
-class Flown:
+class Flight:
     """A run at the controller's samples: q (n, 4), h (n, 4, N m s), its momentum
     residual (N m s), and under `jacobi` the reference with its delays, or why there is
     none."""
@@ -65,36 +65,41 @@ class Flown:
     """How it came to its substeps, where it chose them."""
 
 
-def fly(target: str, options: Options) -> Flown:
+def fly(target: str, options: Options) -> Flight:
     """Run a system once."""
     case = prepare(target, replace(options, record=SERIES, supervised=True))
     system, _ = case.or_raise()
     gyrostat = Gyrostat(system)
     run = simulate(case).or_raise(target)
     every = round(gyrostat.sample / system.step)
-    flown = Flown(
+    flight = Flight(
         run.results.values("spacecraft.q_bi")[::every],
         run.results.values("wheels.h_wheel")[::every],
         run.manifest.numbers["momentum_residual"].value or 0.0,
     )
-    flown.choice = run.manifest.substep_choice
+    flight.choice = run.manifest.substep_choice
     run.results.close()
     if options.algorithm == "jacobi":
         try:
-            flown.delayed = gyrostat.delayed(system.step)
+            flight.delayed = gyrostat.delayed(system.step)
         except DesatError as error:
-            flown.note = str(error)
-    return flown
+            flight.note = str(error)
+    return flight
 
 
-def _row(case: Options, flown: Flown, ideal: Trajectory, finer: Flown | None) -> Row:
+def _row(
+    case: Options, with_flights: Flight, ideal: Trajectory, finer: Flight | None
+) -> Row:
     assert case.step is not None
-    q, h = flown.q, flown.h
+    q, h = with_flights.q, with_flights.h
     row = Row(
-        case.algorithm, case.step, *difference(q, h, ideal.q, ideal.h), flown.residual
+        case.algorithm,
+        case.step,
+        *difference(q, h, ideal.q, ideal.h),
+        with_flights.residual,
     )
-    row.note = flown.note
-    if (late := flown.delayed) is not None:
+    row.note = with_flights.note
+    if (late := with_flights.delayed) is not None:
         row.attitude_error_same_delays, row.wheel_momentum_error_same_delays = (
             difference(q, h, late.q, late.h)
         )
@@ -116,8 +121,8 @@ def study(
     here, for what it chooses depends on the step."""
     options = replace(options, substeps=prepare(target, options).or_raise()[0].parts)
     if steps is None:
-        own = prepare(target, options).or_raise()[0].step
-        steps = tuple(own * share for share in STEPS)
+        own_value = prepare(target, options).or_raise()[0].step
+        steps = tuple(own_value * share for share in STEPS)
     if not steps or any(s <= 0 for s in steps):
         raise DesatError("--steps: positive numbers are needed, as 1,0.5,0.25")
     system, _ = prepare(target, replace(options, step=steps[0])).or_raise()
@@ -137,7 +142,7 @@ def study(
     ) as pool:
         results = pool.map(fly, [target] * len(runs), runs)
         console = Console(stderr=True)
-        flown = list(
+        flight = list(
             track(
                 results,
                 target,
@@ -147,7 +152,7 @@ def study(
                 disable=not (progress and console.is_terminal),
             )
         )
-    finer = {c.step: f for c, f in zip(companions, flown[len(cases) :], strict=True)}
+    finer = {c.step: f for c, f in zip(companions, flight[len(cases) :], strict=True)}
     rows = [
         _row(
             case,
@@ -155,7 +160,7 @@ def study(
             ideal,
             finer[case.step] if case.algorithm == "gauss_seidel" else None,
         )
-        for case, run in zip(cases, flown[: len(cases)], strict=True)
+        for case, run in zip(cases, flight[: len(cases)], strict=True)
     ]
     gauss_seidel = [r for r in rows if r.algorithm == "gauss_seidel"]
     return {

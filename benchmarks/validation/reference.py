@@ -109,16 +109,17 @@ class Coils:
         self._pulses: tuple[tuple[float, float, float], ...] = ((-inf, inf, 0.0),) * 3
         """Of each coil: from when to when (s), and its dipole (A m2)."""
 
-    def take(self, t: float, wanted: Vec3) -> None:
+    def take(self, t: float, expected: Vec3) -> None:
         """A sample at t (s) of a dipole command (A m2)."""
         if self.drive == PULSED:
             begin = t + self._late
             self._pulses = tuple(
-                (begin, begin + self._width(m), copysign(self.limit, m)) for m in wanted
+                (begin, begin + self._width(m), copysign(self.limit, m))
+                for m in expected
             )
         else:
             most = self.limit if self.drive == LIMITED else inf
-            self._pulses = tuple((t, inf, m) for m in vector.clip(wanted, most))
+            self._pulses = tuple((t, inf, m) for m in vector.clip(expected, most))
 
     def _width(self, m: float) -> float:
         share = abs(m) / self.limit * self._period
@@ -376,16 +377,16 @@ class Gyrostat:
         count = round((self.stop - self.start) / step)
         grid = [self.start + k * step for k in range(count + 1)]
         b = computers.measure(self.start, y)
-        seen_tau = wanted = coils = vector.ZERO
+        seen_tau = expected = coils = vector.ZERO
         command = held.command
         past: list[Piece] = []
         h_start = part(y, H)
         for t, end in pairwise(grid):
             late = _Past(past, step, h_start)
             omega, h = plant.motion(t, y, held, late.at(t))
-            tau, m = seen_tau, wanted
+            tau, m = seen_tau, expected
             if computers.due("torquers", t):
-                computers.coils.take(t, wanted)
+                computers.coils.take(t, expected)
                 coils = computers.coils.at(t)
             if computers.due("manager", t):
                 m = computers.dump(h, b)
@@ -406,7 +407,7 @@ class Gyrostat:
                 held = self._commanded(y, held, command, coils)
                 y, held, pieces = advance(plant, first, last, y, held, late.at(first))
                 now += pieces
-            past, command, wanted, seen_tau = now, next_command, m, tau
+            past, command, expected, seen_tau = now, next_command, m, tau
             rows.add(end, y, held, _Past(past, step, h_start).at(end))
         return rows.trajectory()
 

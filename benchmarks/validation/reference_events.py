@@ -150,18 +150,18 @@ class _Watch:
         values = []
         for i in plant.present:
             if held.pinned[i] == STANDING:
-                room = plant.stiction - abs(plant.pull(i, t, y, held))
+                margin = plant.stiction - abs(plant.pull(i, t, y, held))
             else:
-                room = (
+                margin = (
                     plant.push(i, t, y, held)
                     if held.pinned[i]
-                    else plant.room(i, omega, h)
+                    else plant.margin(i, omega, h)
                 )
             bends = (
                 plant.friction[1] > 0.0 or plant.stiction > 0.0
             ) and not held.pinned[i]
             values += [
-                room,
+                margin,
                 self.turning[i] * plant.speed(i, omega, h) if bends else 1.0,
                 self.within[i] * self._spare(i, y) if plant.compensation > 0.0 else 1.0,
             ]
@@ -169,13 +169,13 @@ class _Watch:
 
     def happened(self, event: int, t: float, y: State, held: Held) -> Held:
         """What holds after an event."""
-        i, what = self.plant.present[event // 3], event % 3
-        if what == 1 and self.plant.stiction > 0.0:
+        i, subject = self.plant.present[event // 3], event % 3
+        if subject == 1 and self.plant.stiction > 0.0:
             y[LEARNT.start + i] = 0.0
             return replace(held, way=_with(held.way, i, 0))
-        if what == 1:
+        if subject == 1:
             self.turning[i] = -self.turning[i]
-        elif what == 2:
+        elif subject == 2:
             self.within[i] = -self.within[i]
         elif held.pinned[i] == STANDING:
             way = 1 if self.plant.pull(i, t, y, held) > 0.0 else -1
@@ -310,7 +310,7 @@ def _first(
     """Time and number of the first of the events that a step from start to end has
     passed."""
 
-    def when(i: int) -> float:
+    def time_of(i: int) -> float:
         if before[i] <= 0.0:
             return start
 
@@ -319,4 +319,4 @@ def _first(
 
         return _root(value, start, end, before[i], after[i])
 
-    return min((when(i), i) for i, x in enumerate(after) if x < 0.0)
+    return min((time_of(i), i) for i, x in enumerate(after) if x < 0.0)

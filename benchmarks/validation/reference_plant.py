@@ -175,18 +175,18 @@ class Values:
             free = {*known.used.split(), *known.idle.split()}
             for signal in component.interface.signals.values():
                 name = signal.array
-                given = (
+                inputs = (
                     signal.causality == "parameter"
                     or signal.name in component.parameters
                 )
-                if not given or name in free:
+                if not inputs or name in free:
                     continue
-                wanted, value = (
+                expected, value = (
                     known.fixed.get(name, signal.start),
                     component.values[signal.name],
                 )
-                if value != wanted:
-                    yield f"needs {role}.{signal.name} = {wanted}, it is {value}"
+                if value != expected:
+                    yield f"needs {role}.{signal.name} = {expected}, it is {value}"
 
     def _wires(self) -> Iterator[str]:
         connections = self._system.connections
@@ -234,9 +234,9 @@ STANDING = 2
 WHEELS = range(4)
 
 
-def part(y: State, where: slice) -> Any:
+def part(y: State, place: slice) -> Any:
     """A part of the state as a tuple."""
-    return tuple(y[where])
+    return tuple(y[place])
 
 
 @dataclass(frozen=True)
@@ -317,9 +317,9 @@ class Plant:
         self._plane = perifocal_axes(
             of("inclination"), of("raan"), of("argument_of_perigee")
         )
-        given = bool(of("earth_angle"))
+        inputs = bool(of("earth_angle"))
         self._angle = (
-            of("earth_angle_start") if given else earth_angle(of("epoch_j2000"))
+            of("earth_angle_start") if inputs else earth_angle(of("epoch_j2000"))
         )
         self._earth_rate = of("earth_rate")
         dipole = values.many("environment", "dipole_earth")
@@ -372,8 +372,8 @@ class Plant:
             return vector.mat_vec(self.inverse((0, 0, 0, 0)), omega), h
         if any(pinned):
             h = tuple(self._pinned(i, pinned[i]) if pinned[i] else h[i] for i in WHEELS)
-        left = vector.sub(part(y, L), wheel_array.body_momentum(self.axes, h))
-        omega = vector.mat_vec(self.inverse(pinned), left)
+        remaining = vector.sub(part(y, L), wheel_array.body_momentum(self.axes, h))
+        omega = vector.mat_vec(self.inverse(pinned), remaining)
         if any(pinned):
             h = tuple(
                 h[i]
@@ -386,10 +386,10 @@ class Plant:
             )
         return omega, h
 
-    def _pinned(self, i: int, how: int) -> float:
+    def _pinned(self, i: int, manner: int) -> float:
         """The momentum (N m s) of a pinned wheel relative to the body."""
         limit: float = self.h_limit[i]
-        return 0.0 if how == STANDING else how * limit
+        return 0.0 if manner == STANDING else manner * limit
 
     def speed(self, i: int, omega: Vec3, h: Vec4) -> float:
         """The speed (rad/s) of wheel i relative to the body."""
@@ -474,15 +474,15 @@ class Plant:
     def _turning(self, i: int, t: float, y: State, held: Held) -> float:
         """The torque (N m) that turns rotor i with the body, J_s (g.omega)'."""
         rates = self.derivative(t, y, held)
-        left = vector.sub(
+        remaining = vector.sub(
             part(rates, L), wheel_array.body_momentum(self.axes, part(rates, H))
         )
-        turning = vector.mat_vec(self.inverse(held.pinned), left)
+        turning = vector.mat_vec(self.inverse(held.pinned), remaining)
         torque: float = self.spin[i] * vector.dot(self.columns[i], turning)
         return torque
 
-    def room(self, i: int, omega: Vec3, h: Vec4) -> float:
+    def margin(self, i: int, omega: Vec3, h: Vec4) -> float:
         """The momentum (N m s) that wheel i may still take before it is at its limit."""
         body = self.spin[i] * vector.dot(self.columns[i], omega)
-        room: float = self.h_limit[i] - abs(h[i] - body)
-        return room
+        margin: float = self.h_limit[i] - abs(h[i] - body)
+        return margin

@@ -7,11 +7,19 @@ are left alone.
 
 from __future__ import annotations
 
+import os
 from enum import Enum
+from pathlib import Path
 from typing import Any
 
 # attribute in which typer 0.29 caches the conversion of a parameter
 _CACHE = "_runtime_param"
+
+
+def _is_unchecked(path: str, information: Any) -> bool:
+    """Return whether typer would only convert a path: it is of nothing that exists."""
+    may_be_new = not (information.exists or information.resolve_path)
+    return may_be_new and not os.path.lexists(path)
 
 
 class _AsGiven:
@@ -23,9 +31,12 @@ class _AsGiven:
         if value is None:
             return () if many else None
         descriptor = param.type_descriptor
-        is_text = type(value) is str and descriptor.annotation is str
-        if is_text and descriptor.parameter_info.parser is None and not many:
-            return value
+        information = descriptor.parameter_info
+        if type(value) is str and information.parser is None and not many:
+            if descriptor.annotation is str:
+                return value
+            if descriptor.annotation is Path and _is_unchecked(value, information):
+                return Path(value)
         if isinstance(value, Enum) and type(value) is descriptor.annotation:
             return value
         setattr(param, _CACHE, None)

@@ -224,6 +224,7 @@ class Axes:
         """
         others = [self.right] if self.right else []
         x = self.x_range()
+        columns = _Columns(column)
         floor = self.height - STRIP * len({s.row for s in self.strips})
         box = (self.left, self.top, self.width, floor)
         yield from self._grid(x, box)
@@ -233,7 +234,7 @@ class Axes:
                 _Scale(axes.y, axes.y_range(), box[1] + box[3], -box[3]),
             )
             for mark in axes.marks:
-                yield from _painted(mark, *scales, box, column)
+                yield from _painted(mark, *scales, box, columns)
         for strip in self.strips:
             yield self._strip(strip, _Scale(self.x, x, box[0], box[2]), box)
         for axes in (self, *others):
@@ -434,6 +435,11 @@ class _Scale:
         self._log, self._start, self._length = axis.log, start, length
         self._low, self._high = map(math.log10, ends) if axis.log else ends
 
+    def has(self, values: Array) -> NDArray[np.bool_]:
+        """Return which values have a place; on a logarithmic axis it is above zero."""
+        known = ~np.isnan(values)
+        return known & ((values > 0.0) | np.isinf(values)) if self._log else known
+
     def __call__(self, values: Any) -> Array:
         values = np.asarray(values, float)
         if self._log:
@@ -475,19 +481,74 @@ def _range(axis: Axis, values: Sequence[Array]) -> Point:
     )
 
 
+class _Columns:
+    """Columns of a picture to which lines of many points are thinned.
+
+    Most lines of axes have the same x; their columns are found once.
+    """
+
+    def __init__(self, width: float) -> None:
+        self._width = width
+        self._x: Array | None = None
+        self._places: Array
+        self._ends: tuple[Any, Any] | None
+
+    def thinned(self, x: Array, y: Array, across: _Scale, up: _Scale) -> Array:
+        """Return the points of a line, the first, lowest, highest and last of a column.
+
+        They are rounded to tenths of a point, and repeated ones are dropped. Only they
+        are scaled: scales are monotonic.
+        """
+        places, ends = self._found(x, across)
+        if ends is None:
+            points = np.round(np.column_stack([places, up(y)]))
+        else:
+            first, last = ends
+            a, b = (up(f.reduceat(y, first)) for f in (np.minimum, np.maximum))
+            heights = [up(y[first]), np.minimum(a, b), np.maximum(a, b), up(y[last])]
+            sides = [places[first], places[first], places[last], places[last]]
+            points = np.column_stack(
+                [np.round(np.stack(v, axis=1)).ravel() for v in (sides, heights)]
+            )
+        moved = (np.diff(points, axis=0) != 0.0).any(axis=1)
+        thinned: Array = points[np.append(True, moved)]
+        return thinned
+
+    def _found(self, x: Array, across: _Scale) -> tuple[Array, tuple[Any, Any] | None]:
+        """Find the places of points, and the first and last one of each column.
+
+        None instead of these where there are few points, or not in the order of x.
+        """
+        if self._x is None or not np.array_equal(self._x, x):
+            places = np.round(across(x))
+            first = np.flatnonzero(
+                np.diff(np.floor(places / self._width), prepend=-np.inf)
+            )
+            last = np.append(first[1:], len(x)) - 1
+            many = len(x) > 4 * len(first) and (np.diff(places) >= 0.0).all()
+            self._x, self._places = x, places
+            self._ends = (first, last) if many else None
+        return self._places, self._ends
+
+
 def _painted(
-    mark: Mark, across: _Scale, up: _Scale, box: Box, column: float
+    mark: Mark, across: _Scale, up: _Scale, box: Box, columns: _Columns
 ) -> Iterator[Drawn]:
     """Convert a mark to shapes."""
     x, y = mark.path
+    if mark.width and not mark.filled:
+        parts = [
+            columns.thinned(x[part], y[part], across, up)
+            for part in _parts(across.has(x) & up.has(y))
+        ]
+        yield Shape(parts, mark.colour, mark.width, mark.dash, mark.alpha, within=box)
+    if not (mark.filled or mark.marker):
+        return
     points = np.column_stack([across(x), up(y)])
     known = np.isfinite(points.sum(axis=1))
     if mark.filled:
-        parts = [p for p in _parts(points, known) if len(p) > 2]
+        parts = [points[p] for p in _parts(known) if p.stop - p.start > 2]
         yield Shape(parts, "", alpha=mark.alpha, fill=mark.colour, within=box)
-    elif mark.width:
-        parts = [_thinned(p, column) for p in _parts(points, known)]
-        yield Shape(parts, mark.colour, mark.width, mark.dash, mark.alpha, within=box)
     if mark.marker:
         yield from _dots(mark, points[known])
 
@@ -503,34 +564,12 @@ def _dots(mark: Mark, points: Array) -> Iterator[Dots]:
         yield Dots(at, "#ffffff", mark.marker - 1.4)
 
 
-def _parts(points: Array, known: NDArray[np.bool_]) -> list[Array]:
-    """Split points at unknown ones into contiguous parts."""
+def _parts(known: NDArray[np.bool_]) -> list[slice]:
+    """Return the contiguous parts of points that are known."""
     if known.all():
-        return [points] if len(points) else []
+        return [slice(0, len(known))] if len(known) else []
     ends = np.flatnonzero(np.diff(np.concatenate([[0], known.astype(int), [0]])))
-    return [points[a:b] for a, b in ends.reshape(-1, 2)]
-
-
-def _thinned(points: Array, width: float) -> Array:
-    """Thin a line of many points to the first, lowest, highest and last of each column.
-
-    The points are rounded to tenths of a point, and repeated ones are dropped.
-    """
-    points = np.round(points)
-    starts = np.flatnonzero(np.diff(np.floor(points[:, 0] / width), prepend=-np.inf))
-    if len(points) > 4 * len(starts) and (np.diff(points[:, 0]) >= 0.0).all():
-        x, y = points.T
-        last = np.append(starts[1:], len(x)) - 1
-        times = [x[starts], x[starts], x[last], x[last]]
-        values = [
-            y[starts],
-            np.minimum.reduceat(y, starts),
-            np.maximum.reduceat(y, starts),
-            y[last],
-        ]
-        points = np.column_stack([np.stack(v, axis=1).ravel() for v in (times, values)])
-    moved: Array = points[np.append(True, (np.diff(points, axis=0) != 0.0).any(axis=1))]
-    return moved
+    return [slice(a, b) for a, b in ends.reshape(-1, 2).tolist()]
 
 
 def _sample(mark: Mark | Strip, x0: float, y: float) -> Iterator[Drawn]:

@@ -151,7 +151,7 @@ def unit_rows(rows: Array) -> Array:
 
 def _rows(*columns: Array) -> Array:
     """Combine columns (rows,) to an array (rows, columns)."""
-    rows = np.empty((*columns[0].shape, len(columns)))
+    rows = np.empty((len(columns), *columns[0].shape)).T
     for i, column in enumerate(columns):
         rows[..., i] = column
     return rows

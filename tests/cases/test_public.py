@@ -78,8 +78,8 @@ def test_firesat_wheel_and_slew(tmp_path: Path) -> None:
         laws=False,
         flown=False,
     )
-    made = size_of(str(tmp_path / "mine"), Options(stop=6000.0), wishes)
-    assert made.slew_torque == pytest.approx(5.2e-4, rel=0.01)
+    sizing = size_of(str(tmp_path / "mine"), Options(stop=6000.0), wishes)
+    assert sizing.slew_torque == pytest.approx(5.2e-4, rel=0.01)
 
 
 def test_firesat_dump_by_a_thruster() -> None:
@@ -208,8 +208,8 @@ def test_momentum_bias_along_pitch_and_along_roll(tmp_path: Path) -> None:
         "manager.h_target_body": [0, -0.02, 0],
         "wheels.h_start_wheel": [0, -0.02, 0, 0],
     }
-    kept = library.run(str(tmp_path / "mine"), sets, stop=12000.0)
-    h = kept.results.values("wheels.h_wheel")[-1]
+    saved = library.run(str(tmp_path / "mine"), sets, stop=12000.0)
+    h = saved.results.values("wheels.h_wheel")[-1]
     assert h[1] == pytest.approx(-0.02, abs=2e-3)
     assert abs(h[0]) + abs(h[2]) < 4e-3
     options = Options(sets=["manager.h_target_body=[0.02,0,0]"])
@@ -239,7 +239,7 @@ def test_b_dot_cannot_diverge(tmp_path: Path) -> None:
 
 def test_b_dots_gain_as_everybody_prints_it() -> None:
     """M = -k B' with k in A m2 s/T is gain / |B|^2 of ours."""
-    made = []
+    results = []
     for gains in ({"gain": 1e-2}, {"plain_gain": 1e-2 / 9e-10}):
         law = started("manager_b_dot", sample_time=1.0, m_limit=10.0, **gains)
         for t, b in (
@@ -248,9 +248,9 @@ def test_b_dots_gain_as_everybody_prints_it() -> None:
         ):
             law.b_body = b
             law.advance(t, 1.0)
-        made.append(law.m_cmd_body)
-    assert made[0] == pytest.approx(made[1], rel=1e-3)
-    assert made[0][1] < 0.0
+        results.append(law.m_cmd_body)
+    assert results[0] == pytest.approx(results[1], rel=1e-3)
+    assert results[0][1] < 0.0
 
 
 def test_one_and_two_failed_wheels(tmp_path: Path) -> None:
@@ -262,8 +262,8 @@ def test_one_and_two_failed_wheels(tmp_path: Path) -> None:
     assert not [w for w in one.manifest.warnings if "no wheel turns" in w]
     two = prepare(str(tmp_path / "mine"), Options(sets=["wheels.failed=1+3"]))
     assert "from 0 s on no wheel gives torque about" in "\n".join(two.checked.warnings)
-    lost = library.run(str(tmp_path / "mine"), {"wheels.failed": "1+3"}, stop=3000.0)
-    assert lost.manifest.numbers["pointing"].value > 1.0
+    missing = library.run(str(tmp_path / "mine"), {"wheels.failed": "1+3"}, stop=3000.0)
+    assert missing.manifest.numbers["pointing"].value > 1.0
 
 
 def test_a_wheel_that_takes_a_speed() -> None:
@@ -276,16 +276,16 @@ def test_a_wheel_that_takes_a_speed() -> None:
         inertia_wheel=(1e-5,) * 3 + (0.0,),
         speed_sample_time=0.1,
     )
-    wanted = 2000.0 * 2.0 * math.pi / 60.0
-    wheels.speed_cmd_wheel = (wanted, 0.0, 0.0, 0.0)
+    expected = 2000.0 * 2.0 * math.pi / 60.0
+    wheels.speed_cmd_wheel = (expected, 0.0, 0.0, 0.0)
     speeds = []
     for k in range(300):
         wheels.output(0.1 * k)
         wheels.advance(0.1 * k, 0.1)
         speeds.append(wheels.speed_wheel[0])
     # 209 rad/s at 100 rad/s2: not before 2.1 s
-    assert speeds[20] < wanted * 0.999
-    assert speeds[-1] == pytest.approx(wanted, rel=1e-3)
+    assert speeds[20] < expected * 0.999
+    assert speeds[-1] == pytest.approx(expected, rel=1e-3)
 
 
 def test_imbalance() -> None:
@@ -339,9 +339,9 @@ def test_a_magnet_in_the_payload(tmp_path: Path) -> None:
     torque = np.cross(magnet, field)
     assert 0.5e-5 < np.linalg.norm(torque, axis=1).max() <= 1.4e-5
     angle = np.degrees(np.sqrt(((torque / stiffness) ** 2).sum(axis=1).mean()))
-    told = {ki: x.manifest.numbers["pointing"].value for ki, x in run.items()}
-    assert told[0.0] == pytest.approx(angle, rel=0.05)
-    assert told[2e-4] < told[0.0] / 2.0
+    stated_numbers = {ki: x.manifest.numbers["pointing"].value for ki, x in run.items()}
+    assert stated_numbers[0.0] == pytest.approx(angle, rel=0.05)
+    assert stated_numbers[2e-4] < stated_numbers[0.0] / 2.0
 
 
 # --- far from the Earth ---------------------------------------------------------------
@@ -366,15 +366,17 @@ def test_a_geostationary_craft(tmp_path: Path) -> None:
         ),
         "",
     )
-    made = dumps.size(str(tmp_path / "geo"), Options(), SizingRequirements(flown=False))
-    light = next(s for s in made.sources if s.name == "radiation")
+    sizing = dumps.size(
+        str(tmp_path / "geo"), Options(), SizingRequirements(flown=False)
+    )
+    light = next(s for s in sizing.sources if s.name == "radiation")
     at_one_unit = 13.0 * 1.35 * torques.SOLAR_PRESSURE
     assert at_one_unit == pytest.approx(80.03e-6, rel=1e-4)
     assert light.secular == pytest.approx(76.9e-6, rel=0.01)
-    assert min(d.secular for d in made.year) == pytest.approx(71.4e-6, rel=0.01)
-    assert max(d.secular for d in made.year) == pytest.approx(80.3e-6, rel=0.01)
+    assert min(d.secular for d in sizing.year) == pytest.approx(71.4e-6, rel=0.01)
+    assert max(d.secular for d in sizing.year) == pytest.approx(80.3e-6, rel=0.01)
     # the attitude of the panel in orbit differs from theirs by the box's class: 5 %
-    assert made.steady.interval / 86400.0 == pytest.approx(7.62, rel=0.05)
+    assert sizing.steady.interval / 86400.0 == pytest.approx(7.62, rel=0.05)
 
 
 def test_sun_and_moon_turn_a_geostationary_orbit() -> None:

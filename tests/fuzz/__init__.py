@@ -97,12 +97,12 @@ def run(folder: Path, seed: int, count: int) -> Outcome:
         prepare(str(folder / target), _options(kind)).or_raise()
     before = set(folder.parent.iterdir())
     for number, (kind, data) in enumerate(inputs(seed, count)):
-        said = _one(folder, kind, data, outcome if number % TRACED == 0 else None)
+        message = _one(folder, kind, data, outcome if number % TRACED == 0 else None)
         outcome.count += 1
-        outcome.refused += said == "refused"
-        if said not in ("", "refused"):
+        outcome.refused += message == "refused"
+        if message not in ("", "refused"):
             name = f"{kind}-{hashlib.sha256(data).hexdigest()[:12]}.{kind}"
-            outcome.failures.append(f"{name}: {said}")
+            outcome.failures.append(f"{name}: {message}")
             CORPUS.mkdir(exist_ok=True)
             (CORPUS / name).write_bytes(data)
     outside = set(folder.parent.iterdir()) - before
@@ -119,21 +119,21 @@ def _one(folder: Path, kind: str, data: bytes, traced: Outcome | None) -> str:
     if traced is not None:
         sys.settrace(_tracer(traced.lines))
     try:
-        said = (
+        message = (
             "refused"
             if prepare(str(folder / target), _options(kind)).checked.problems
             else ""
         )
     except DesatError as error:
-        said = "refused" if str(error) else "no message"
+        message = "refused" if str(error) else "no message"
     except Exception as error:  # what the fuzzer is for
-        said = f"{type(error).__name__}: {error}"
+        message = f"{type(error).__name__}: {error}"
     finally:
         sys.settrace(None)
         library._by_contents.clear()
         (folder / file).write_bytes(FILES[file]() if file in FILES else b"")
     took = time.process_time() - began
-    return said if took < LONGEST else f"took {took:.1f} s of CPU"
+    return message if took < LONGEST else f"took {took:.1f} s of CPU"
 
 
 def _options(kind: str) -> Options:
@@ -148,10 +148,10 @@ def _wrapped(kind: str, data: bytes) -> bytes:
     if not kind.startswith("xml"):
         return data
     buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w") as made:
-        made.writestr("modelDescription.xml", data)
+    with zipfile.ZipFile(buffer, "w") as archive:
+        archive.writestr("modelDescription.xml", data)
         for folder in ("linux64", "x86_64-linux"):  # of FMI 1.0 and 2.0, of FMI 3.0
-            made.writestr(f"binaries/{folder}/theirs.so", b"")
+            archive.writestr(f"binaries/{folder}/theirs.so", b"")
     return buffer.getvalue()
 
 

@@ -23,16 +23,18 @@ def main() -> int:
         "--hours", type=float, default=0.0, help="rounds, each with the next seed"
     )
     parser.add_argument("--lines", type=int, default=200, help="command lines a round")
-    given = parser.parse_args()
-    end, seed, failed = time.monotonic() + 3600.0 * given.hours, given.seed, 0
+    arguments = parser.parse_args()
+    end, seed, failed = time.monotonic() + 3600.0 * arguments.hours, arguments.seed, 0
     while True:
         with tempfile.TemporaryDirectory() as folder:
-            outcome = fuzz.run(Path(folder) / "in", seed, given.count)
+            outcome = fuzz.run(Path(folder) / "in", seed, arguments.count)
         print(f"seed {seed}: {outcome}", flush=True)
         with tempfile.TemporaryDirectory() as folder:
             (Path(folder) / "in").mkdir()
             every = (*commands.QUICK, *commands.SLOW)
-            tried, wrong = commands.run(Path(folder) / "in", seed, given.lines, every)
+            tried, wrong = commands.run(
+                Path(folder) / "in", seed, arguments.lines, every
+            )
         print(f"seed {seed}: {tried} command lines, {len(wrong)} failed", flush=True)
         for line in (*outcome.failures, *wrong):
             print(f"  {line}")

@@ -62,7 +62,7 @@ WRITTEN = (
 QUICK = (*WRITTEN, *tree.generated("nowhere"))
 """What ends at once: `nowhere` is no scenario, which is seen when the options have been
 read."""
-FLOWN = (
+WITH_FLIGHTS = (
     "check",
     "show",
     "run",
@@ -74,7 +74,7 @@ FLOWN = (
     "export fmu",
 )
 SLOW = (
-    *tree.generated("mine", flown=True, only=FLOWN),
+    *tree.generated("mine", with_flights=True, only=WITH_FLIGHTS),
     f"run mine --checkpoint 1 --call-limit 9 --time-limit 9 --accuracy 1e-7 {FLIGHT}",
     f"campaign mine -n 1 --seed 1 --jobs 1 {FLIGHT}",
     f"sweep mine manager.gain=1e-3,2e-3 --jobs 1 {FLIGHT}",
@@ -130,7 +130,7 @@ VALUES = (
         if b"/" not in x and b".." not in x and b"\0" not in x
     ),
 )
-KEPT = {"--jobs", "--out", "--into", "--html", "--force", "--blocks"}
+NOT_VARIED = {"--jobs", "--out", "--into", "--html", "--force", "--blocks"}
 """What stays as it is: it says how much of the machine is taken, and where files go."""
 
 
@@ -139,26 +139,26 @@ def lines(seed: int, count: int, seeds: Sequence[str] = QUICK) -> Iterator[list[
     yield from map(shlex.split, seeds)
     rng = random.Random(seed)
     for _ in range(count):
-        made = shlex.split(rng.choice(seeds))
+        result = shlex.split(rng.choice(seeds))
         for _ in range(rng.choice((1, 1, 2, 3))):
-            made = _changed(made, rng, seeds)
-        yield made
+            result = _changed(result, rng, seeds)
+        yield result
 
 
 def _changed(line: list[str], rng: random.Random, seeds: Sequence[str]) -> list[str]:
     at = [
         i
         for i, x in enumerate(line)
-        if i > 1 and x.startswith("-") and x not in KEPT and i + 1 < len(line)
+        if i > 1 and x.startswith("-") and x not in NOT_VARIED and i + 1 < len(line)
     ]
-    how = rng.randrange(6)
-    if how < 3 and at:
+    way = rng.randrange(6)
+    if way < 3 and at:
         i = rng.choice(at)
         return [*line[: i + 1], rng.choice(VALUES), *line[i + 2 :]]
-    if how == 3 and at:
+    if way == 3 and at:
         i = rng.choice(at)
         return line[:i] + line[i + 2 :]
-    if how == 4:
+    if way == 4:
         others = [shlex.split(x) for x in seeds if x.split()[0] == line[0]]
         other = rng.choice(others)
         places = [
@@ -166,7 +166,7 @@ def _changed(line: list[str], rng: random.Random, seeds: Sequence[str]) -> list[
         ]
         if places:
             i = rng.choice(places)
-            return [*line, *(x for x in other[i : i + 2] if x not in KEPT)]
+            return [*line, *(x for x in other[i : i + 2] if x not in NOT_VARIED)]
     return line
 
 
@@ -175,10 +175,10 @@ def prepare(folder: Path) -> None:
     (folder / "iss.tle").write_text(TLE, encoding="utf-8")
     (folder / "torque.csv").write_text("0,1e-6,0,0\n100,0,1e-6,0\n", encoding="utf-8")
     (folder / "trusted.txt").write_text(f"{64 * 'a'}  a.fmu\n", encoding="utf-8")
-    code, said = ended(
+    code, message = ended(
         ["new", "craft", "mine", "--size", "3U", "--altitude", "400km"], folder
     )
-    assert code == 0, said
+    assert code == 0, message
 
 
 def _interrupt(number: int, frame: Any) -> None:
@@ -187,13 +187,13 @@ def _interrupt(number: int, frame: Any) -> None:
 
 def ended(line: Sequence[str], folder: Path) -> tuple[int, str]:
     """The exit code of a command line in a folder, and all that it says."""
-    said, before = io.StringIO(), (os.getcwd(), sys.argv)
+    message, before = io.StringIO(), (os.getcwd(), sys.argv)
     handler = signal.signal(signal.SIGALRM, _interrupt)
     os.chdir(folder)
     sys.argv = ["desat", *line]
     signal.alarm(LONGEST)
     try:
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        with contextlib.redirect_stdout(message), contextlib.redirect_stderr(message):
             code = int(cli._code())
     except BaseException as error:
         return int(Exit.BUG), f"{type(error).__name__}: {error}"
@@ -202,19 +202,19 @@ def ended(line: Sequence[str], folder: Path) -> tuple[int, str]:
         signal.signal(signal.SIGALRM, handler)
         sys.argv = before[1]
         os.chdir(before[0])
-    return code, said.getvalue()
+    return code, message.getvalue()
 
 
 def wrong(line: Sequence[str], folder: Path) -> str:
     """What is wrong with how a command line ends; nothing where it is right."""
     began = time.monotonic()
-    code, said = ended(line, folder)
+    code, message = ended(line, folder)
     if code not in CODES:
-        return f"exit {code}: {said.strip()[-300:]}"
-    if "Traceback" in said:
-        return f"a traceback: {said.strip()[-300:]}"
-    if code == Exit.INPUT and not re.search(r"^(error:|Usage:)", said, re.M):
-        return f"exit 2 without a line: {said.strip()[-300:]}"
+        return f"exit {code}: {message.strip()[-300:]}"
+    if "Traceback" in message:
+        return f"a traceback: {message.strip()[-300:]}"
+    if code == Exit.INPUT and not re.search(r"^(error:|Usage:)", message, re.M):
+        return f"exit 2 without a line: {message.strip()[-300:]}"
     if time.monotonic() - began > 3.0 * LONGEST:
         return "it cannot be interrupted"
     if code == 0:
@@ -249,7 +249,7 @@ def run(
     outside = set(folder.parent.iterdir())
     for line in lines(seed, count, seeds):
         tried += 1
-        if why := wrong(line, folder):
-            found.append(f"{shlex.join(line)}: {why}")
+        if reason := wrong(line, folder):
+            found.append(f"{shlex.join(line)}: {reason}")
     found += [f"a file outside: {p}" for p in set(folder.parent.iterdir()) - outside]
     return tried, found

@@ -110,12 +110,12 @@ def _piece(data: bytes, rng: random.Random) -> bytes:
     a, b = sorted((_place(data, rng), min(len(data), _place(data, rng))))
     b = min(b, a + rng.choice((1, 8, 64, 512)))
     piece, at = data[a:b], _place(data, rng)
-    how = rng.randrange(4)
-    if how == 0:
+    way = rng.randrange(4)
+    if way == 0:
         return data[:a] + data[b:]
-    if how == 1:
+    if way == 1:
         return data[:a] + piece * rng.choice((2, 3, 50)) + data[b:]
-    return data[:at] + (piece if how == 2 else rng.choice(STRANGE)) + data[at:]
+    return data[:at] + (piece if way == 2 else rng.choice(STRANGE)) + data[at:]
 
 
 def _value(data: bytes, rng: random.Random) -> bytes:
@@ -137,9 +137,9 @@ def _line(data: bytes, rng: random.Random) -> bytes:
     """A line, or an element, removed, doubled or moved."""
     lines = re.split(rb"(?<=[\n>])", data)
     i, j = rng.randrange(len(lines)), rng.randrange(len(lines))
-    how = rng.randrange(3)
-    line = lines[i] if how == 1 else lines.pop(i)
-    if how:
+    way = rng.randrange(3)
+    line = lines[i] if way == 1 else lines.pop(i)
+    if way:
         lines.insert(j, line)
     return b"".join(lines)
 
@@ -184,15 +184,15 @@ def _archive(data: bytes, rng: random.Random) -> bytes:
         return data
     i = rng.randrange(len(entries))
     name, substeps = entries[i]
-    how = rng.randrange(6)
-    if how == 0:
+    way = rng.randrange(6)
+    if way == 0:
         entries.pop(i)
-    elif how == 1:
+    elif way == 1:
         entries[i] = (
             rng.choice(("../x", "/x", "a/../../b", "x", name.upper(), "a" * 300)),
             substeps,
         )
-    elif how == 2:
+    elif way == 2:
         entries.append((name, substeps))
     else:
         kind = (

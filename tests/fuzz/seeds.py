@@ -318,9 +318,9 @@ XML_3 = b"""<?xml version="1.0" encoding="UTF-8"?>
 
 def _zip(entries: dict[str, bytes]) -> bytes:
     buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as made:
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in entries.items():
-            made.writestr(zipfile.ZipInfo(name), data)
+            archive.writestr(zipfile.ZipInfo(name), data)
     return buffer.getvalue()
 
 
@@ -366,7 +366,7 @@ def seeds() -> dict[str, bytes]:
         "extra/desat/scenario.json": ABOUT,
         "resources/theirs.fmu": fmu,
     }
-    made = {
+    results = {
         "ssd": OURS,
         "ssv": SSV,
         "ssm": SSM,
@@ -389,7 +389,7 @@ def seeds() -> dict[str, bytes]:
         "fmu": fmu,
         "ssp": _zip(files),
     }
-    return made | {f"{kind}{BARE}": data for kind, data in bare.items()}
+    return results | {f"{kind}{BARE}": data for kind, data in bare.items()}
 
 
 TARGETS = {
@@ -538,14 +538,14 @@ reference."""
 
 def pointing_nowhere() -> Iterator[tuple[str, str, bytes]]:
     """Yield kind, fault and model description for each reference to no variable."""
-    whole = {"xml": XML, "xml3": XML_3}
+    full = {"xml": XML, "xml3": XML_3}
     for kind, right, changes in POINTERS:
-        assert right in whole[kind]
+        assert right in full[kind]
         for wrong in changes:
             for reference in NOWHERE:
                 is_list = b"dependencies" in wrong.partition(b"#")[0]
                 is_time = kind == "xml3" and reference == b"0"
                 if is_time or (is_list and not reference):
                     continue  # the standard allows these
-                made = wrong.replace(b"#", reference)
-                yield kind, made.decode(), whole[kind].replace(right, made, 1)
+                result = wrong.replace(b"#", reference)
+                yield kind, result.decode(), full[kind].replace(right, result, 1)

@@ -139,13 +139,13 @@ def options_in(command: Any) -> list[Any]:
     return [p for p in options if "--help" not in p.opts]
 
 
-def words_of(option: Any, name: str, where: str) -> list[str]:
+def words_of(option: Any, name: str, place: str) -> list[str]:
     """Return an option, by one of its names, with a value that it takes."""
     if option.is_flag:
         return [name]
     annotation = option.type_descriptor.annotation
     if name in ("--out", "--html"):
-        value = f"made_{where.replace(' ', '_')}{'.html' if name == '--html' else ''}"
+        value = f"made_{place.replace(' ', '_')}{'.html' if name == '--html' else ''}"
     elif isinstance(annotation, type) and issubclass(annotation, Enum):
         value = str(next(iter(annotation)).value)
     elif annotation in (int, float):
@@ -155,27 +155,29 @@ def words_of(option: Any, name: str, where: str) -> list[str]:
     return [name, value]
 
 
-def lines_of(where: str, command: Any, target: str, flown: bool) -> Iterator[str]:
+def lines_of(
+    place: str, command: Any, target: str, with_flights: bool
+) -> Iterator[str]:
     """Yield command lines in which each option of a command stands once."""
-    words = ARGUMENTS.get(where, "TARGET").replace("TARGET", target)
-    begin = [*where.split(), *shlex.split(words)]
+    words = ARGUMENTS.get(place, "TARGET").replace("TARGET", target)
+    begin = [*place.split(), *shlex.split(words)]
     options = options_in(command)
-    required = [w for o in options if o.required for w in words_of(o, o.opts[0], where)]
-    always = [*shlex.split(ALWAYS.get(where, "")), *required]
-    if flown:
+    required = [w for o in options if o.required for w in words_of(o, o.opts[0], place)]
+    always = [*shlex.split(ALWAYS.get(place, "")), *required]
+    if with_flights:
         short = [o for o in options if o.opts[0] in FLIGHT]
-        always += [w for o in short for w in words_of(o, o.opts[0], where)]
-        always += FEW.get(where, "").split()
+        always += [w for o in short for w in words_of(o, o.opts[0], place)]
+        always += FEW.get(place, "").split()
     yield shlex.join([*begin, *always])
     names = [(o, name) for o in options for name in (*o.opts, *o.secondary_opts)]
-    if flown:
+    if with_flights:
         names = [(o, name) for o, name in names if o.opts[0] not in NOT_FLOWN]
-    together = 1 if where == "new craft" else TOGETHER
+    together = 1 if place == "new craft" else TOGETHER
     for i in range(0, len(names), together):
         some = [
-            w for o, name in names[i : i + together] for w in words_of(o, name, where)
+            w for o, name in names[i : i + together] for w in words_of(o, name, place)
         ]
-        start = _start_of(names[i][1]) if where == "new craft" else []
+        start = _start_of(names[i][1]) if place == "new craft" else []
         yield shlex.join([*begin, *always, *start, *some])
 
 
@@ -186,7 +188,7 @@ def _start_of(name: str) -> list[str]:
 
 
 def generated(
-    target: str, flown: bool = False, only: Sequence[str] = ()
+    target: str, with_flights: bool = False, only: Sequence[str] = ()
 ) -> tuple[str, ...]:
     """Return command lines of all commands, or of some, with all of their options.
 
@@ -203,6 +205,6 @@ def generated(
     known = every_command()
     return tuple(
         line
-        for where in only or known
-        for line in lines_of(where, known[where], target, flown)
+        for place in only or known
+        for line in lines_of(place, known[place], target, with_flights)
     )

@@ -122,6 +122,8 @@ class Results:
         self._file = file
         self._computed: dict[str, Any] = {}
         self._recent: dict[Hashable, Array] = {}
+        self._found: dict[str, Any] = {}  # data sets or columns, by series
+        self._names: list[str] = []
         self._index = shared_tables.index(file)
         self._rows = rows  # number of rows that hold values; None: all
 
@@ -200,6 +202,7 @@ class Results:
         """
         self._computed.clear()
         self._recent.clear()
+        self._found.clear()
         if isinstance(self._file, memory.File):
             self._file.thin(every)
             return
@@ -213,8 +216,12 @@ class Results:
         """Return `component.variable` of every series."""
         if self._index:
             return list(self._index)
-        components = (c for c in self._file if c != "time" and not c.startswith("."))
-        return [f"{c}.{v}" for c in components for v in sorted(self._file[c])]
+        if not self._names:
+            components = [c for c in self._file if c != "time" and c[0] != "."]
+            self._names = [
+                f"{c}.{v}" for c in components for v in sorted(self._file[c])
+            ]
+        return list(self._names)
 
     def _unreadable(self, subject: str, error: Exception) -> DesatError:
         """Return the error for a file that is damaged where it is read."""
@@ -222,13 +229,16 @@ class Results:
         return DesatError(f"{file}: {subject} cannot be read ({_reason(error)})")
 
     def _find(self, name: str) -> Any:
-        """Find the data set or the columns of a series."""
+        """Find the data set or the columns of a series, once."""
         if name in self._index:
             return self._index[name]
+        if name in self._found:
+            return self._found[name]
         component, _, variable = name.partition(".")
         try:
             if component in self._file and variable in self._file[component]:
-                return self._file[component][variable]
+                found = self._found[name] = self._file[component][variable]
+                return found
             known = self.names()
         except DAMAGED as error:
             raise self._unreadable(name, error) from error
