@@ -1951,7 +1951,7 @@ PROVOKED = {
     "50,000": "50000",
     "is closed": ">&-",
     "(a pipe)": "stdout.close",
-    "lost their end": "left",
+    "lost their end": "remaining",
     "report fails": "write_report",
     "`..`": r'"\.\./',
     "absolute": '"/etc',

@@ -74,7 +74,7 @@ WITH_FLIGHTS = (
     "export fmu",
 )
 SLOW = (
-    *tree.generated("mine", flown=True, only=WITH_FLIGHTS),
+    *tree.generated("mine", with_flights=True, only=WITH_FLIGHTS),
     f"run mine --checkpoint 1 --call-limit 9 --time-limit 9 --accuracy 1e-7 {FLIGHT}",
     f"campaign mine -n 1 --seed 1 --jobs 1 {FLIGHT}",
     f"sweep mine manager.gain=1e-3,2e-3 --jobs 1 {FLIGHT}",
