@@ -11,6 +11,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
+from test_failures import FAILURES, compiled, ssd
+from test_failures import fmu as failing
 from test_foreign_ssp import NAMESPACES, system, wire
 
 import desat
@@ -481,3 +483,196 @@ def test_what_leaves_the_folder_of_an_archive_is_refused(tmp_path, name):
     [line] = str(caught.value).splitlines()
     assert line.startswith("their.ssp: entry ")
     assert line.endswith(" would leave the folder")
+
+
+# --- algebraic loops ------------------------------------------------------------------
+
+
+def feedthrough(folder: Path, library: Path, name: str) -> None:
+    """y = 2 u + 1, at once."""
+    rows = [variable("u", 0), variable("y", 24, causality="output")]
+    path = folder / f"resources/{name}.fmu"
+    fmu(path, library, rows, dependencies=' dependencies="1"')
+
+
+def test_a_genuine_loop_is_refused_with_the_options_that_help(typed, tmp_path):
+    for name in "ab":
+        feedthrough(tmp_path, typed, name)
+    wires = wire("a.y", "b.u") + wire("b.y", "a.u")
+    file = write(tmp_path, component("a") + component("b"), wires)
+    [line] = checked(file).problems
+    for text in (
+        "cycle over the step: a.y -> b.y -> a",
+        "--output-class b.y=state",
+        "--algorithm jacobi",
+        "--solve-loops",
+    ):
+        assert text in line
+
+
+@pytest.mark.parametrize("isolate", ["none", "foreign"])
+@pytest.mark.parametrize("factor", [0.1, 0.75, -2.0])
+def test_a_genuine_loop_is_solved(typed, tmp_path, factor, isolate):
+    """a = 2 f b + 1, b = 2 a + 1; also where a fixed point iteration would diverge."""
+    for name in "abc":
+        feedthrough(tmp_path, typed, name)
+    back = f'<ssc:LinearTransformation factor="{factor}"/>'
+    wires = wire("a.y", "b.u") + wire("b.y", "a.u", back) + wire("b.y", "c.u")
+    elements = component("a") + component("b") + component("c")
+    file = write(tmp_path, elements, wires)
+    a = (1.0 + 2.0 * factor) / (1.0 - 4.0 * factor)
+    done = run(file, solve_loops=True, isolate=isolate)
+    values = {n: done.results.values(f"{n}.y").tolist() for n in "abc"}
+    assert values["a"] == pytest.approx([a] * 5, rel=1e-9)
+    assert values["b"] == pytest.approx([2.0 * a + 1.0] * 5, rel=1e-9)
+    assert values["c"] == pytest.approx([4.0 * a + 3.0] * 4, rel=1e-9)
+    assert any("algebraic loop of a, b" in w for w in done.manifest.warnings)
+
+
+def test_a_genuine_loop_runs_with_jacobi(typed, tmp_path):
+    """A step late from the solution on, which it keeps: it is a fixed point."""
+    for name in "ab":
+        feedthrough(tmp_path, typed, name)
+    back = '<ssc:LinearTransformation factor="0.1"/>'
+    wires = wire("a.y", "b.u") + wire("b.y", "a.u", back)
+    file = write(tmp_path, component("a") + component("b"), wires)
+    done = run(file, algorithm="jacobi")
+    assert done.results.values("a.y")[-1] == pytest.approx(2.0, rel=1e-9)
+
+
+def test_a_loop_without_a_solution_is_a_line(typed, tmp_path):
+    for name in "ab":
+        feedthrough(tmp_path, typed, name)
+    back = '<ssc:LinearTransformation factor="0.25"/>'
+    wires = wire("a.y", "b.u") + wire("b.y", "a.u", back)
+    file = write(tmp_path, component("a") + component("b"), wires)
+    with pytest.raises(DesatError, match=r"algebraic loop of .*: no solution after"):
+        desat.run(str(file), stop=2.0, step=0.5, substeps=1, solve_loops=True)
+
+
+def test_solving_where_there_is_no_loop_is_a_warning(typed, tmp_path):
+    feedthrough(tmp_path, typed, "a")
+    file = write(tmp_path, component("a"))
+    assert (
+        "--solve-loops: there is no algebraic loop"
+        in checked(file, solve_loops=True).warnings
+    )
+
+
+# --- words ----------------------------------------------------------------------------
+
+
+def test_one_text_is_one_line_with_its_count(tmp_path):
+    """That an FMU logs at each step, and the fault of an FMU of many components."""
+    failing(tmp_path / "resources/failing.fmu", compiled(tmp_path))
+    (tmp_path / "SystemStructure.ssd").write_text(ssd())
+    way = FAILURES.index("LOG")
+    done = desat.run(str(tmp_path), {"bad.how": way}, step=1.0, substeps=1)
+    lines = [w for w in done.manifest.warnings if w.startswith("bad: ")]
+    assert len(lines) == len(set(lines))
+    assert any(w.endswith(" times)") for w in lines)
+
+
+def test_a_fault_of_many_components_is_one_line(typed, tmp_path):
+    rows = [variable("p", 0, variability="fixed")]
+    rows += [variable("y", 16, causality="output")]
+    fmu(tmp_path / "resources/a.fmu", typed, rows)
+    elements = "".join(component(f"c{i}", fmu="a.fmu") for i in range(12))
+    lines = [w for w in checked(write(tmp_path, elements)).warnings if "FMI wants" in w]
+    assert len(lines) == 1
+    assert lines[0].startswith("c0, c1 and 10 more: a.fmu: not as FMI wants it")
+
+
+def test_a_step_that_is_given_is_not_missed(typed, tmp_path):
+    fmu(tmp_path / "resources/a.fmu", typed, [variable("y", 16, causality="output")])
+    file = write(tmp_path, component("a"))
+    guessed = prepare(str(file), Options()).checked.warnings
+    assert sum("no step: 0.5 s" in w or "no stop time" in w for w in guessed) == 2
+    assert not [w for w in checked(file).warnings if "no st" in w]
+    half = prepare(str(file), Options(step=0.25)).checked.warnings
+    assert ["no step" in w for w in half if "no st" in w] == [False]
+
+
+def test_a_fixed_step_that_does_not_fit_is_told(typed, tmp_path):
+    path = fmu(
+        tmp_path / "resources/a.fmu", typed, [variable("y", 16, causality="output")]
+    )
+    text = 'canHandleVariableCommunicationStepSize="true"'
+    odd = tmp_path / "odd.fmu"
+    with zipfile.ZipFile(path) as old, zipfile.ZipFile(odd, "w") as new:
+        for entry in old.infolist():
+            new.writestr(entry, old.read(entry).replace(text.encode(), b""))
+    shutil.copy(odd, path)
+    file = write(tmp_path, component("a"))
+    fits = prepare(str(file), Options(stop=2.0, step=1.0)).checked.warnings
+    assert not any("fixed step" in w for w in fits)
+    for step in (0.2, 0.75):
+        found = prepare(str(file), Options(stop=3.0, step=step)).checked.warnings
+        assert any(
+            f"has a fixed step of 0.5 s, which does not fit into its step of {step:g} s"
+            in w
+            for w in found
+        )
+
+
+def test_a_missing_fmu_is_not_answered_with_our_blocks(tmp_path):
+    (tmp_path / "resources").mkdir()
+    [line] = checked(write(tmp_path, component("a", fmu="manager_b_dott.fmu"))).problems
+    assert line.endswith("a: FMU resources/manager_b_dott.fmu is missing")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            "<ssd:Component ",
+            '<ssd:Component type="application/x-ssp-package" ',
+            "component a is of type application/x-ssp-package, no FMU",
+        ),
+        (
+            "http://ssp-standard.org/SSP1/SystemStructureDescription",
+            "http://www.pmsf.net/xsd/SystemStructureDescriptionDraft",
+            "SystemStructureDescriptionDraft, that of a draft before SSP 1.0",
+        ),
+    ],
+)
+def test_what_is_no_fmu_or_a_draft_is_named(typed, tmp_path, old, new, message):
+    fmu(tmp_path / "resources/a.fmu", typed, [variable("y", 16, causality="output")])
+    file = write(tmp_path, component("a"))
+    file.write_text(file.read_text().replace(old, new))
+    with pytest.raises(DesatError, match=message):
+        checked(file)
+
+
+def test_a_library_that_cannot_be_loaded_is_found_by_check(typed, tmp_path):
+    """Of another machine, no library, without a function, without a library that it
+    needs; nothing of it is loaded."""
+    rows = [variable("y", 16, causality="output")]
+    data = typed.read_bytes()
+    other = bytearray(data)
+    other[18:20] = b"\xb7\x00"
+    source = tmp_path / "needs.c"
+    source.write_text("extern int gone(void); int fmi2DoStep(void) { return gone(); }")
+    stub = tmp_path / "stub.c"
+    stub.write_text("int gone(void) { return 0; }")
+    gone, needs = tmp_path / "libgone.so", tmp_path / "needs.so"
+    for made, *sources in ((gone, stub), (needs, source, gone)):
+        subprocess.run(["gcc", "-shared", "-fPIC", "-o", made, *sources], check=True)
+    gone.unlink()
+    for content, message in (
+        (bytes(other), "it is for AArch64, not x86_64"),
+        (b"MZ and so on", "it is no library of Linux"),
+        (data.replace(b"fmi2DoStep", b"fmi2NoStep"), "it does not export fmi2DoStep"),
+        (needs.read_bytes(), "it does not export fmi2Instantiate"),
+    ):
+        library = tmp_path / "typed.so"
+        library.write_bytes(content)
+        fmu(tmp_path / "resources/a.fmu", library, rows)
+        [line] = checked(write(tmp_path, component("a"))).problems
+        assert f"a.fmu: its library cannot be loaded: {message}" in line
+    from desat.files import binary
+
+    fault = binary.loading_fault(needs, ("fmi2DoStep",))
+    assert fault.startswith("it needs ")
+    assert fault.endswith("libgone.so, which is not here")
+    assert binary.loading_fault(typed, ("fmi2DoStep",)) == ""

@@ -148,6 +148,14 @@ Alg = Annotated[
         help="gauss_seidel: no delay in the loop; jacobi: as libcosim and Ecos do."
     ),
 ]
+SolveLoops = Annotated[
+    bool,
+    typer.Option(
+        "--solve-loops",
+        help="Solve algebraic loops of foreign FMUs at each communication point, by "
+        "Newton's method to 1e-10 of their size; else they are refused, or a step late by jacobi.",
+    ),
+]
 LoopOption = Annotated[
     choices.Loop,
     typer.Option(

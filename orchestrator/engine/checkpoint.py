@@ -41,6 +41,7 @@ class Checkpoint:
     rows: int  # rows of the series until then
     ending: JsonObject
     messages: dict[str, list[str]]  # logged by each component
+    counts: dict[str, dict[str, int]]  # how often each of them was
     about: JsonObject  # the caller's own data
     arrays: dict[str, Array]
     states: dict[str, bytes]
@@ -66,6 +67,7 @@ class Checkpoint:
             word[0] = member.instance.place + RESTORE
             member.instance.restore(self.states[name])
             member.instance.messages[:] = self.messages[name]
+            member.instance.counts.update(self.counts.get(name, {}))
         word[0] = 0
         ending.memory.clear()
         ending.memory.update(self.ending)
@@ -115,6 +117,7 @@ class Checkpoints:
             "rows": self._recorder.on_disk(),
             "ending": self._ending.memory,
             "messages": {n: m.instance.messages for n, m in master.members.items()},
+            "counts": {n: m.instance.counts for n, m in master.members.items()},
             "about": dict(self._tell()),
             "arrays": list(memory),
             "states": list(states),
@@ -183,6 +186,7 @@ def _load(path: Path) -> Checkpoint:
         int(head["rows"]),
         head["ending"],
         head["messages"],
+        head.get("counts", {}),
         head["about"],
         arrays,
         states,

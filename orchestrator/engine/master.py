@@ -35,6 +35,7 @@ from ..system.interface import KINDS, MOVED_KINDS, Kind, Signal
 from ..system.model import Component, Connection, System, Values
 from ..system.options import ALGORITHMS
 from ..system.schedule import Rates, Schedule, graded
+from .algebraic_loop import AlgebraicLoop
 from .current_call import (
     ENTER,
     EXIT,
@@ -84,6 +85,9 @@ class Master:
     watched
         Function of component name and signal: whether the output is read although
         nothing is connected to it. By default all are.
+    solve_loops
+        Whether algebraic loops are solved at each communication point; at the start
+        they always are.
     halvings
         Maximum number of times that a step which a foreign FMU discards is halved.
     isolated
@@ -99,6 +103,7 @@ class Master:
         schedule: Schedule,
         *,
         algorithm: Algorithm = "gauss_seidel",
+        solve_loops: bool = False,
         watched: Callable[[str, Signal], bool] = lambda component, signal: True,
         halvings: int = 0,
         isolated: Collection[str] = (),
@@ -109,6 +114,7 @@ class Master:
             raise DesatError(f"algorithm {algorithm}: there is {', '.join(ALGORITHMS)}")
         self.system, self.schedule, self.algorithm = system, schedule, algorithm
         self._gauss_seidel = algorithm == "gauss_seidel"
+        self._solves_loops = solve_loops
         # offset of a row's number from that of its step
         self.ahead = int(not self._gauss_seidel)
         self.start, self.step_size, self.k = system.start, system.step, 0
@@ -146,6 +152,15 @@ class Master:
                     member.instance, FmuInstance | IsolatedInstance
                 ):
                     member.instance.halve(halvings)
+            self._loops = [
+                AlgebraicLoop(
+                    [self.members[name] for name in loop],
+                    self._outputs.live,
+                    self.shown,
+                    self._judged,
+                )
+                for loop in schedule.loops
+            ]
         except BaseException:
             self.close()
             raise
@@ -161,7 +176,9 @@ class Master:
             recording.wire(
                 self.members, by_name, self.live["Real"], len(self._rates.parts)
             )
-        self.cycle = self._plan.cycle(recording)
+        self.cycle = self._plan.cycle(
+            recording, self._loops if self._solves_loops else ()
+        )
         self.row = self._plan.row.values
 
     @property
@@ -344,7 +361,7 @@ class Master:
         return call
 
     def _settle(self) -> None:
-        """Exchange values until nothing changes.
+        """Exchange values until nothing changes, and solve algebraic loops.
 
         Raises DesatError if the values do not settle.
         """
@@ -361,7 +378,10 @@ class Master:
                 if gathers[name]:
                     self._judged(member, PUSH, member.instance.push)
                 self._pull(member)
-            if all(_same(before[kind], values) for kind, values in self.live.items()):
+            for loop in self._loops:
+                loop()
+            same = _close_to if self._loops else _same
+            if all(same(before[kind], values) for kind, values in self.live.items()):
                 return
         changed = [
             slot
@@ -452,13 +472,14 @@ class Master:
     def messages(self) -> list[str]:
         """Return a line for each message that the components have logged.
 
+        One that came more than once has its count.
         Lines for calls that returned a warning come after a component's own messages,
         so that the order is the same with either loop.
         """
         for member in self.members.values():
             member.instance.look()
         lines = [
-            f"{name}: {text}"
+            f"{name}: {text}{_times(member.instance.counts.get(text, 1))}"
             for name, member in self.members.items()
             for text in sorted(
                 member.instance.messages, key=lambda m: m * is_of_status(m)
@@ -474,6 +495,18 @@ class Master:
                 raise ComponentError(
                     f"{slot.component}.{slot.signal.name} = {value} at t = {self.t:g} s"
                 )
+
+
+def _times(count: int) -> str:
+    """Return how often a message came, for its line; empty for once."""
+    return f" ({count} times)" if count > 1 else ""
+
+
+def _close_to(a: Array, b: Array) -> bool:
+    """Return whether two arrays differ by what the solution of a loop may."""
+    if a.dtype != np.float64:
+        return _same(a, b)
+    return bool(np.allclose(a, b, rtol=1e-8, atol=1e-8, equal_nan=True))
 
 
 def _same(a: Array, b: Array) -> bool:

@@ -5,7 +5,7 @@ A plan says which components step, with which calls.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Literal
 
 import numpy as np
@@ -82,13 +82,18 @@ class Plan:
                     member.windows.append(Window(name, places))
         self._outputs.make_room(w for m in self._members.values() for w in m.windows)
 
-    def cycle(self, recording: StepRecording | None = None) -> list[Step]:
+    def cycle(
+        self,
+        recording: StepRecording | None = None,
+        loops: Sequence[Operation] = (),
+    ) -> list[Step]:
         """Return the operations of each step of a cycle.
 
-        With `recording`, the inputs and start values of a component are recorded.
+        With `recording`, the inputs and start values of a component are recorded. At
+        the end of each step `loops` are solved.
         """
         inner = len(self._rates.parts)
-        self._recording = recording
+        self._recording, self._loops = recording, loops
         self._windows = {
             (m.name, w.source): WindowMean(
                 self._live,
@@ -130,6 +135,7 @@ class Plan:
             before += [*moves, *self.row.add(i)]
             last = i == inner - 1 and self._gauss_seidel
             (after if last else before).extend(self._ends(first + i))
+        after += self._loops
         return Step(before, after)
 
     def _moves(self, part: int) -> list[Operation]:

@@ -257,7 +257,7 @@ def _declared(v: Scalars, inputs: tuple[str, ...], on: dict[str, set[str]]) -> V
     return Variable(
         v.name,
         v.causality,  # type: ignore[arg-type]
-        v.kind,
+        v.kind,  # type: ignore[arg-type]
         shape,
         signal.unit_name or "1",
         text,

@@ -9,7 +9,7 @@ import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Any, Self
 
 from desat.components.contract.block import Scalar
@@ -33,7 +33,7 @@ from ..system.model import (
     System,
 )
 from ..system.parameters import expand, in_unit_of, is_quantity, known_unit
-from . import library
+from . import library, paths
 
 # The kinds of outputs that an input of each kind takes: none loses anything.
 _ACCEPTED = {
@@ -171,6 +171,7 @@ class Builder:
         self.body: Body | None = None
         self.problems: list[str] = []
         self.warnings: list[str] = []
+        self.guesses: dict[str, str] = {}  # of times that no layer has given
         self.add(first)
 
     def add(self, *layers: Layer) -> Self:
@@ -185,6 +186,11 @@ class Builder:
         for layer in layers:
             self.problems += layer.problems
             self.warnings += layer.warnings
+            self.guesses = {
+                key: line
+                for key, line in (self.guesses | layer.guesses).items()
+                if key in layer.guesses or getattr(layer, key) is None
+            }
             for key in (
                 "name",
                 "title",
@@ -289,12 +295,19 @@ class Builder:
         """
         part.interface = None
         try:
-            part.interface = library.interface_of(part.source, part.fmu, self.blocks)
+            part.interface = library.interface_of(
+                part.source, part.fmu, self.blocks, self._is_foreign(part)
+            )
         except DesatError as error:
             at = part.placed_by or f"{self.place}:{part.line}"
             self.problems.append(f"{at}: {part.name}: {error}")
         if self.blocks:
             part.fmu = None
+
+    def _is_foreign(self, part: Part) -> bool:
+        """Return whether a component is of somebody's system file, not of ours."""
+        ours = Path(self.place).absolute().is_relative_to(paths.SCENARIOS)
+        return bool(part.line) and not part.placed_by and not ours
 
     def _drop_unwanted(self, part: Part) -> None:
         """Remove connections and connectors that a replaced component's FMU lacks.
@@ -470,6 +483,7 @@ class Builder:
         self.problems += self._too_large(components.values())
         connections = self._connections()
         self.problems = list(dict.fromkeys(self.problems))
+        self.warnings += self.guesses.values()
         try:
             step, stop = self._times()
         except DesatError as error:
@@ -492,10 +506,10 @@ class Builder:
         )
         return system, components
 
-    def check(self) -> Checked:
-        """Build the system and check it."""
+    def check(self, breaks_loops: bool = False) -> Checked:
+        """Build the system and check it; `breaks_loops` is as for `schedule`."""
         system, _ = self.build()
-        return check(system, self.problems, self.warnings, self.origins)
+        return check(system, self.problems, self.warnings, self.origins, breaks_loops)
 
     def system(self) -> System:
         """Build the system.

@@ -11,9 +11,10 @@ import json
 import os
 import re
 import shutil
+import sys
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,7 @@ from ..system.interface import Interface, interface_of_block
 from ..system.model import Component, Fmu, System
 from ..system.options import Options
 from ..system.typed import JsonObject
-from . import io, own, paths
+from . import binary, io, own, paths
 from .fmu import description_of, faults, of_fmu
 from .io import contents, regular, text
 
@@ -381,8 +382,12 @@ def _load_index(file: Path, *_: int) -> dict[str, JsonObject]:
     return {e["sha256"]: e for e in json.loads(file.read_text(encoding="utf-8"))}
 
 
-def interface_of(source: str, fmu: Fmu | None, blocks: bool) -> Interface:
+def interface_of(
+    source: str, fmu: Fmu | None, blocks: bool, is_foreign: bool = False
+) -> Interface:
     """Return the interface of an FMU, or (`blocks`) of the bare block of the same name.
+
+    In a foreign system a missing FMU is not one of ours.
 
     Raises
     ------
@@ -397,7 +402,7 @@ def interface_of(source: str, fmu: Fmu | None, blocks: bool) -> Interface:
         known = {p.stem for p in paths.fmus().glob("*.fmu")}
         hint = nearest(name, known) or "; run `make fmus`"
         # a foreign system does not run our FMUs
-        hint = hint if name not in known else ""
+        hint = "" if is_foreign or name in known else hint
         raise DesatError(f"FMU {source} is missing{hint}")
     return fmu.interface
 
@@ -436,12 +441,25 @@ def hashes(path: Path) -> frozenset[str]:
 def fault_warnings(system: System) -> Iterator[str]:
     """Yield a line for each foreign FMU whose model description violates the standard.
 
-    It gives the first of the faults.
+    It gives the first of the faults, and all components with this FMU.
     """
+    of_fmu: dict[Path, list[Component]] = {}
     for c in system.components.values():
-        if c.fmu is not None and (found := c.fmu.faults):
-            more = f" ({len(found) - 1} more)" if len(found) > 1 else ""
-            yield f"{c.name}: {c.fmu.path.name}: not as FMI wants it: {found[0][:300]}{more}"
+        if c.fmu is not None and c.fmu.faults:
+            of_fmu.setdefault(c.fmu.path, []).append(c)
+    for path, components in of_fmu.items():
+        assert components[0].fmu is not None
+        found = components[0].fmu.faults
+        more = f" ({len(found) - 1} more)" if len(found) > 1 else ""
+        names = _listed([c.name for c in components])
+        yield f"{names}: {path.name}: not as FMI wants it: {found[0][:300]}{more}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    """List names for a line; of more than three the first two and their count."""
+    if len(names) <= 3:
+        return ", ".join(names)
+    return f"{', '.join(names[:2])} and {len(names) - 2} more"
 
 
 def unused_warnings(system: System) -> Iterator[str]:
@@ -474,6 +492,39 @@ def problems(system: System, options: Options) -> Iterator[str]:
         if here not in (known := fmu.platforms):
             there = ", ".join(known) or "none"
             yield f"{c.name}: {fmu.path.name} has no binary for {here}; there is {there}"
+        elif fault := _loading_fault(fmu, here):
+            yield f"{c.name}: {fmu.path.name}: its library cannot be loaded: {fault}"
+
+
+def _loading_fault(fmu: Fmu, here: str) -> str:
+    """Return why the library of an FMU could not be loaded, or an empty text."""
+    name = fmu.description.coSimulation.modelIdentifier
+    functions = {
+        "1.0": (f"{name}_fmiInstantiateSlave", f"{name}_fmiDoStep"),
+        "2.0": ("fmi2Instantiate", "fmi2DoStep"),
+    }.get(fmu.interface.fmi, ("fmi3InstantiateCoSimulation", "fmi3DoStep"))
+    file = fmu.folder / "binaries" / here / f"{name}.so"
+    if not file.is_file():
+        return "" if not sys.platform.startswith("linux") else f"{file.name} is missing"
+    return binary.loading_fault(file, functions)
+
+
+def step_warnings(system: System) -> Iterator[str]:
+    """Yield a line for each foreign FMU whose fixed step does not fit the system's."""
+    for c in system.components.values():
+        if c.fmu is None or c.fmu.ours:
+            continue
+        of = c.fmu.description.coSimulation
+        fixed = getattr(of, "fixedInternalStepSize", None)
+        if fixed is None and not of.canHandleVariableCommunicationStepSize:
+            fixed = getattr(c.fmu.description.defaultExperiment, "stepSize", None)
+        step, fixed = system.step * c.step_ratio, float(fixed or 0.0)
+        ratio = step / fixed if fixed > 0.0 else 1.0
+        if abs(ratio - round(ratio)) > 1e-6 or round(ratio) < 1:
+            yield (
+                f"{c.name}: {c.fmu.path.name} has a fixed step of {fixed:g} s, which "
+                f"does not fit into its step of {step:g} s: --step changes that"
+            )
 
 
 def notes(components: Iterable[Component]) -> Iterator[str]:

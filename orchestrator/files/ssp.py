@@ -40,6 +40,7 @@ SSB = "http://ssp-standard.org/SSP1/SystemStructureSignalDictionary"
 OSP = "http://opensimulationplatform.com/SSP/OSPAnnotations"
 OMS = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
 FILE = "SystemStructure.ssd"
+FMU_TYPE = "application/x-fmu-sharedlibrary"
 # File with description, numbers and plots of a packed scenario; other tools ignore it.
 ABOUT = "extra/desat/scenario.json"
 
@@ -194,6 +195,12 @@ class _Reader:
     def layer(self) -> Layer:
         """Read the file into a layer."""
         root = self.parse(self.file, self.place)
+        name = etree.QName(root)
+        if name.localname == "SystemStructureDescription" and name.namespace != SSD:
+            raise DesatError(
+                f"{self.place}: its namespace is {name.namespace or 'none'}, that of a "
+                f"draft before SSP 1.0; {SSD} is needed"
+            )
         if root.tag != f"{{{SSD}}}SystemStructureDescription":
             raise DesatError(f"{self.place}: not an SSP SystemStructureDescription")
         self.validate(root, "SystemStructureDescription.xsd", self.place)
@@ -420,6 +427,12 @@ class _Reader:
     def component(self, element: Any, path: str) -> Place:
         """Read a component: source, connectors and step size hint."""
         source = unquote(element.get("source", "")).replace("\\", "/")
+        kind = element.get("type") or FMU_TYPE
+        if kind != FMU_TYPE:
+            raise DesatError(
+                f"{self.at(element)}: component {path} is of type {kind[:80]}, no FMU "
+                f"({FMU_TYPE})"
+            )
         if (proxy := re.fullmatch(r"proxyfmu://[^?]*\?file=(.+)", source)) is not None:
             source = proxy[1]
             self.warnings.append(
@@ -652,7 +665,8 @@ class _Reader:
 
         Raises DesatError if it is not of its type.
         """
-        kind, text = etree.QName(element).localname, element.get("value", "")
+        kind: str = etree.QName(element).localname
+        text: str = element.get("value", "")
         try:
             if kind == "Real":
                 return float(text)
@@ -701,12 +715,12 @@ class _Reader:
         stops = [(stop, path) for path, _, stop in suggested if stop]
         if layer.step is None and steps:
             layer.step, path = min(steps)
-            self.warnings.append(
+            layer.guesses["step"] = (
                 f"{self.place}: no step: {layer.step:g} s of {path.name}, or --step"
             )
         if layer.stop is None and stops:
             layer.stop, path = max(stops)
-            self.warnings.append(
+            layer.guesses["stop"] = (
                 f"{self.place}: no stop time: {layer.stop:g} s of {path.name}, or "
                 "--stop"
             )

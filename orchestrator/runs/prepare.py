@@ -215,8 +215,10 @@ def _prepare(target: Target, options: Options) -> Case:
             f"--design {options.design}: {target.text} is no scenario with a [design]"
         )
     builder = _with_options(target, options)
-    checked = builder.check()
+    checked = builder.check(options.breaks_loops)
     system, sound = checked.system, checked.schedule is not None
+    if options.solve_loops and checked.schedule and not checked.schedule.loops:
+        checked.warnings.append("--solve-loops: there is no algebraic loop")
     if system is not None:
         checked.problems += [line for find in RUNS for line in find(system, options)]
         faults = library.fault_warnings(system)
@@ -487,6 +489,7 @@ SYSTEMS: tuple[Callable[[System], Iterable[str]], ...] = (
 # Functions that yield a line for each warning about a system.
 WARNINGS: tuple[Callable[[System], Iterable[str]], ...] = (
     library.unused_warnings,
+    library.step_warnings,
     accounts.warnings,
     coverage.warnings,
     energy.warnings,

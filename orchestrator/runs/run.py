@@ -234,7 +234,11 @@ def _with_inner(case: Case, choice: SubstepChoice | None) -> Case:
     if choice is None or case.checked.system is None:
         return case
     system = replace(case.checked.system, substeps=choice.substeps)
-    checked = replace(case.checked, system=system, schedule=schedule(system))
+    checked = replace(
+        case.checked,
+        system=system,
+        schedule=schedule(system, case.options.breaks_loops),
+    )
     return replace(case, checked=checked, manifest=None)
 
 

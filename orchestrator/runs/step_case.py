@@ -80,6 +80,7 @@ def step(
             system,
             schedule,
             algorithm=options.algorithm,
+            solve_loops=options.solve_loops,
             watched=watched,
             halvings=options.halvings,
             isolated=isolated_in(system, options),

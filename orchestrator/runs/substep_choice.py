@@ -135,9 +135,8 @@ def _apart(system: System, options: Options, flying: Callable[[], T]) -> T:
     """
     if not (options.supervised and CAN):
         return flying()
-    return apart(
-        flying, schedule(replace(system, substeps=1)).order, options.call_limit
-    )
+    order = schedule(replace(system, substeps=1), options.breaks_loops).order
+    return apart(flying, order, options.call_limit)
 
 
 def settled(target: str, system: System) -> System:
@@ -489,7 +488,7 @@ class _Flights:
         columns = {tuple(name.rsplit(".", 1)) for name in self._series}
         master = Master(
             system,
-            schedule(system),
+            schedule(system, self._options.breaks_loops),
             watched=lambda c, s: (c, s.series) in columns,
             isolated=isolated_in(system, self._options),
             limit=self._options.call_limit,

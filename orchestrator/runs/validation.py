@@ -371,6 +371,10 @@ def not_saved(system: System, options: Options) -> Iterator[str]:
         return
     if not 0.0 < options.checkpoint < inf:
         yield f"--checkpoint {options.checkpoint:g}: a time above 0 s is needed"
+    for wire in system.connections:
+        source = system.components[wire.source].interface.signals[wire.output]
+        if source.kind == "String":
+            yield f"--checkpoint: {wire}: a text is no part of a checkpoint"
     for c in system.components.values():
         if c.fmu is None:
             continue

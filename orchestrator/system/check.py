@@ -53,6 +53,7 @@ def check(
     problems: Sequence[str] = (),
     warnings: Sequence[str] = (),
     origins: Mapping[str, str] = MappingProxyType({}),
+    breaks_loops: bool = False,
 ) -> Checked:
     """Check a system that was built.
 
@@ -64,6 +65,8 @@ def check(
         Found while it was built.
     origins
         Source of the class of each output.
+    breaks_loops
+        As for `schedule`.
     """
     checked = Checked(list(problems), list(warnings), system=system)
     if system is None:
@@ -83,7 +86,7 @@ def check(
     if not checked.problems:
         checked.warnings += _follows(system)
         try:
-            checked.schedule = schedule(system)
+            checked.schedule = schedule(system, breaks_loops)
             checked.warnings += checked.schedule.warnings
         except DesatError as error:
             checked.problems += str(error).splitlines()

@@ -82,3 +82,5 @@ class Layer:
     of_options: bool = False
     problems: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
+    # warnings about times that the source lacks, which other layers may give: step, stop
+    guesses: dict[str, str] = field(default_factory=dict)

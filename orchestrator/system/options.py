@@ -127,6 +127,7 @@ class RunOptions(TypedDict, total=False):
     substeps: Substeps | None
     accuracy: float | None
     algorithm: Algorithm
+    solve_loops: bool
     blocks: bool
     fmus: Fmus
     record: tuple[str, ...]
@@ -203,6 +204,8 @@ class Options:
     accuracy: float | None = field(default=None, metadata=RESOLVED)
     """Upper bound of the attitude error (rad) for `auto`."""
     algorithm: Algorithm = field(default="gauss_seidel", metadata=COUNTS)
+    solve_loops: bool = field(default=False, metadata=COUNTS)
+    """Whether algebraic loops are solved at each communication point."""
     blocks: bool = field(default=False, metadata=SAME_BITS)
     fmus: Fmus = field(default="native", metadata=SAME_BITS)
     """Which of our FMUs run, with the same bits. Without a native one Python's runs."""
@@ -244,6 +247,11 @@ class Options:
     """Maximum number of times that a step which a foreign FMU discards is halved."""
     checkpoint: float | None = field(default=None, metadata=SAME_BITS)
     """Simulated time (s) between checkpoints, from which `runs/run.py` resumes."""
+
+    @property
+    def breaks_loops(self) -> bool:
+        """Return whether outputs may depend on each other in a cycle."""
+        return self.solve_loops or self.algorithm == "jacobi"
 
     def __post_init__(self) -> None:
         """Raise DesatError if a choice or a time given by a program is invalid."""

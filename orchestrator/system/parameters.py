@@ -11,7 +11,7 @@ import sys
 import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 from desat.components.contract import units
 from desat.components.contract.block import Scalar
@@ -264,7 +264,7 @@ def _scalar(signal: Signal, value: Any, place: str) -> Scalar:
         case "Real" if is_number:
             return _within(signal, float(value), place)
         case "String" if isinstance(value, str):
-            return value
+            return cast("Scalar", value)  # only an FMU takes a text
         case "Boolean" | "Integer" | "Real" | "String":
             pass
         case _:

@@ -166,6 +166,8 @@ class Schedule:
     timing: tuple[tuple[Connection, str], ...]
     warnings: tuple[str, ...] = ()
     """Loss of accuracy by different rates, and undeclared dependencies."""
+    loops: tuple[tuple[str, ...], ...] = ()
+    """Components whose outputs depend on each other at once: algebraic loops."""
 
 
 def output_class(system: System, component: str, signal: Signal) -> OutputClass:
@@ -179,8 +181,16 @@ def output_class(system: System, component: str, signal: Signal) -> OutputClass:
     return signal.output_class
 
 
-def schedule(system: System) -> Schedule:
+def schedule(system: System, breaks_loops: bool = False) -> Schedule:
     """Order the components by their interval connections.
+
+    Parameters
+    ----------
+    system
+        The system.
+    breaks_loops
+        Whether interval connections may form a cycle: their values are then those of
+        the step's beginning.
 
     Raises
     ------
@@ -205,11 +215,20 @@ def schedule(system: System) -> Schedule:
         classes |= dict.fromkeys(late, "undeclared")
         before = _before(system, classes)
         order = _order(before)
+    loops: tuple[tuple[str, ...], ...] = ()
     if len(order) < len(before):
         waiting = {
             name: needs for name, needs in before.items() if name not in set(order)
         }
-        raise DesatError(_circle(system, waiting, classes))
+        if not breaks_loops:
+            raise DesatError(_circle(system, waiting, classes))
+        loops = _loops(waiting)
+        for c in system.connections:
+            is_within = any({c.source, c.target} <= {*loop} for loop in loops)
+            if is_within and classes[c.source, c.output] == "interval":
+                classes[c.source, c.output] = "undeclared"
+        before = _before(system, classes)
+        order = _order(before)
     means = {
         c: None
         for c in system.connections
@@ -227,8 +246,34 @@ def schedule(system: System) -> Schedule:
         )
         for c in system.connections
     )
-    warnings = (*_undeclared(system, silent, classes), *_warnings(means, timing))
-    return Schedule(tuple(order), classes, paces, timing, warnings)
+    warnings = (
+        *_undeclared(system, silent, classes),
+        *_warnings(means, timing),
+        *(
+            f"{system.place}: algebraic loop of {', '.join(loop)}: what they exchange is "
+            "that of the step's beginning"
+            for loop in loops
+        ),
+    )
+    return Schedule(tuple(order), classes, paces, timing, warnings, loops)
+
+
+def _loops(waiting: Mapping[str, set[str]]) -> tuple[tuple[str, ...], ...]:
+    """Return the components of each cycle; cycles with a common one are one."""
+    known = {name: needs & waiting.keys() for name, needs in waiting.items()}
+    in_loops = {
+        tuple(
+            sorted(
+                other
+                for other in known
+                if _reaches(known, name, other) and _reaches(known, other, name)
+            )
+        )
+        for name in known
+    }
+    return tuple(
+        sorted(loop for loop in in_loops if len(loop) > 1 or loop[0] in known[loop[0]])
+    )
 
 
 def _before(
@@ -369,10 +414,12 @@ def _circle(
         )
         links.append(connection)
     text = " -> ".join(f"{c.source}.{c.output_array}" for c in links)
-    example = f'"{links[-1].source}.{base_name(links[-1].output)}" = "state"'
+    late = f"{links[-1].source}.{base_name(links[-1].output)}"
     return (
         f"{system.place}: cycle over the step: {text} -> {members[0]}; to take one of them a "
-        f"step late, write under [output_classes]: {example}"
+        f"step late: --output-class {late}=state, or in a scenario's [output_classes]: "
+        f'"{late}" = "state"; to take all of them late: --algorithm jacobi; to solve for '
+        "them: --solve-loops"
     )
 
 

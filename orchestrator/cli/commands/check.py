@@ -28,6 +28,8 @@ OF_SYSTEMS = (
     "blocks",
     "design",
     "classes",
+    "algorithm",
+    "solve_loops",
     "strict",
     "outside",
     "schedule_too",
@@ -58,6 +60,8 @@ def check(
     blocks: o.Blocks = False,
     design: o.DesignOption = None,
     classes: o.Classes = None,
+    algorithm: o.Alg = "gauss_seidel",
+    solve_loops: o.SolveLoops = False,
     trust: o.Trust = None,
     strict: o.Strict = False,
     outside: o.Outside = False,
@@ -92,7 +96,7 @@ def check(
         sets,
         stop,
         step,
-        "gauss_seidel",
+        algorithm,
         blocks,
         classes,
         sources,
@@ -102,6 +106,7 @@ def check(
         trust=trust,
         strict=strict,
         outside=outside,
+        solve_loops=solve_loops,
     )
     checked = prepare(target, options).checked
     system, schedule = checked.system, checked.schedule

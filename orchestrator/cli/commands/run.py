@@ -70,6 +70,7 @@ def run(
         bool, typer.Option(help="Also run the scenario's baseline, and show it beside.")
     ] = True,
     classes: o.Classes = None,
+    solve_loops: o.SolveLoops = False,
     time_limit: o.TimeLimit = None,
     loop: o.LoopOption = "compiled",
     call_limit: Annotated[
@@ -139,6 +140,7 @@ def run(
         call_limit=call_limit,
         checkpoint=checkpoint,
         halvings=halve,
+        solve_loops=solve_loops,
         isolate=isolate,
     )
     _free(folder)

@@ -61,6 +61,7 @@ class Instance(Protocol):
     name: str
     place: int  # PLACE times its place in the schedule's order, for `current_call`
     messages: list[str]  # warnings and errors that the component has logged
+    counts: dict[str, int]  # how often it has logged each of them
     inputs: dict[Kind, Array]
 
     @property

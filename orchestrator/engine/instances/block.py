@@ -25,6 +25,7 @@ class BlockInstance:
     def __init__(self, component: Component) -> None:
         self.name, self.place = component.name, 0
         self.messages: list[str] = []
+        self.counts: dict[str, int] = {}
         self._interface = component.interface
         self._block = block_class(self._interface.model)()
         self._block.instance = self.name

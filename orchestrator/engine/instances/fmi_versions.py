@@ -48,13 +48,14 @@ _DISCARD, _ERROR = 2, 3
 NEAR = 0.01
 _INT32 = np.iinfo(np.int32)
 
-# Messages of each component environment, by its number.
-_listeners: dict[int, list[str]] = {}
+# Messages of each component environment, by its number, and how often each came.
+_listeners: dict[int, tuple[list[str], dict[str, int]]] = {}
+MOST_MESSAGES = 20  # that are collected, each once
 
 
-def listen(environment: int, messages: list[str]) -> None:
-    """Collect the log messages of a component environment in a list."""
-    _listeners[environment] = messages
+def listen(environment: int, messages: list[str], counts: dict[str, int]) -> None:
+    """Collect the log messages of a component environment, and count them."""
+    _listeners[environment] = messages, counts
 
 
 def forget(environment: int) -> None:
@@ -63,10 +64,17 @@ def forget(environment: int) -> None:
 
 
 def _hear(environment: int | None, status: int, message: bytes | None) -> None:
-    """Append a log message that is not "ok" to its list, up to 20 messages."""
-    heard = _listeners.get(environment or 0)
-    if heard is not None and status > 0 and len(heard) < 20:
-        heard.append(plain((message or b"").decode(errors="replace").strip()))
+    """Collect a log message that is not "ok"; one that came before is counted."""
+    listener = _listeners.get(environment or 0)
+    if listener is None or status <= 0:
+        return
+    messages, counts = listener
+    text = plain((message or b"").decode(errors="replace").strip())
+    if text in counts:
+        counts[text] += 1
+    elif len(messages) < MOST_MESSAGES:
+        messages.append(text)
+        counts[text] = 1
 
 
 class Prepared(NamedTuple):
@@ -611,7 +619,7 @@ class Fmi1(Fmi2):
             b"\1",
         )
         if self.c and environment in _listeners:  # the FMU passes its own handle only
-            listen(self.c, _listeners[environment])
+            listen(self.c, *_listeners[environment])
 
     def begin(self, start: float) -> Sequence[tuple[Any, ...]]:
         self._start = start

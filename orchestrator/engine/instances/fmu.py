@@ -115,6 +115,7 @@ class FmuInstance:
         self.name, self.place = component.name, 0
         self._interface = component.interface
         self.messages: list[str] = []  # logged messages whose status is not ok
+        self.counts: dict[str, int] = {}  # how often each was logged
         self.foreign, self._process = not fmu.interface.role, os.getpid()
         self._library = _library(fmu.folder, not self.foreign, fmu.interface.fmi)
         if self._library.once and self._library.instances:
@@ -133,7 +134,7 @@ class FmuInstance:
             self._library.fmu, self._library.calls, component.interface
         )
         self._before = ctypes.c_void_p()  # state before a step that may be halved
-        listen(id(self), self.messages)
+        listen(id(self), self.messages, self.counts)
         self._functions.instantiate(fmu, self.name, id(self))
         self._c = self._functions.c
         self._back()
@@ -329,6 +330,7 @@ class FmuInstance:
         """Return to the state after construction and wiring, except for the inputs."""
         self._call(self._functions.reset)
         self.messages.clear()
+        self.counts.clear()
 
     def save(self) -> bytes:
         state, of = ctypes.c_void_p(), self._functions

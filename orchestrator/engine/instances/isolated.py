@@ -62,6 +62,7 @@ class IsolatedInstance:
     def __init__(self, component: Component, fmu: Fmu, limit: float = math.inf) -> None:
         self.name, self.place = component.name, 0
         self.messages: list[str] = []
+        self.counts: dict[str, int] = {}
         self._heard, self._limit, self._ended, self._read = 0, limit, "", False
         _ = fmu.folder  # extracted here, because the process does not clean up
         ours, theirs = socket.socketpair()
@@ -188,6 +189,8 @@ class IsolatedInstance:
         """
         if self._socket is not None and not self._ended:
             self._hear("look")
+            with suppress(EndedError):
+                self.counts = self._ask("counted")
 
     def terminate(self) -> None:
         self._ask("terminate")
@@ -457,6 +460,8 @@ class _There:
             return getattr(self, name)(*arguments)
         if name == "messages":
             return self.messages
+        if name == "counted":
+            return self._instance.counts
         if name == "raised":
             raise self._error
         if name in (
