@@ -11,8 +11,6 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
-from test_failures import FAILURES, compiled, ssd
-from test_failures import fmu as failing
 from test_foreign_ssp import NAMESPACES, system, wire
 
 import desat
@@ -409,7 +407,7 @@ def test_an_array_of_a_foreign_fmu_may_be_given_in_part(typed, tmp_path):
     wires = wire("a.y[1]", "b.u[2]")
     file = write(tmp_path, component("a") + component("b"), wires)
     [line] = [w for w in checked(file).warnings if "in part" in w]
-    assert "b.u is wired or given in part: u[1], u[3] of 3 keep" in line
+    assert "b.u is wired or given in part: u[1], u[3] of 3 keep the start" in line
     assert run(file).results.values("b.y")[-1].tolist() == [10.0, 10.0, 30.0]
     results = run(file, sets={"a.u[1]": 5.0, "b.u[3]": 7.0}).results
     assert results.values("b.y")[-1].tolist() == [10.0, 5.0, 7.0]
@@ -562,15 +560,17 @@ def test_solving_where_there_is_no_loop_is_a_warning(typed, tmp_path):
 # --- words ----------------------------------------------------------------------------
 
 
-def test_one_text_is_one_line_with_its_count(tmp_path):
-    """That an FMU logs at each step, and the fault of an FMU of many components."""
-    failing(tmp_path / "resources/failing.fmu", compiled(tmp_path))
-    (tmp_path / "SystemStructure.ssd").write_text(ssd())
-    way = FAILURES.index("LOG")
-    done = desat.run(str(tmp_path), {"bad.how": way}, step=1.0, substeps=1)
-    lines = [w for w in done.manifest.warnings if w.startswith("bad: ")]
-    assert len(lines) == len(set(lines))
-    assert any(w.endswith(" times)") for w in lines)
+@pytest.mark.parametrize("isolate", ["none", "foreign"])
+def test_one_text_is_one_line_with_its_count(typed, tmp_path, isolate):
+    """That an FMU logs at each of four steps."""
+    rows = [variable("loud", 14, "Boolean", "parameter", start="false")]
+    rows += [variable("y", 16, causality="output")]
+    fmu(tmp_path / "resources/a.fmu", typed, rows)
+    file = write(tmp_path, component("a", "", values(loud="Boolean true")))
+    done = run(file, isolate=isolate)
+    assert [w for w in done.manifest.warnings if "again" in w] == [
+        "a: not again (4 times)"
+    ]
 
 
 def test_a_fault_of_many_components_is_one_line(typed, tmp_path):
@@ -676,3 +676,63 @@ def test_a_library_that_cannot_be_loaded_is_found_by_check(typed, tmp_path):
     assert fault.startswith("it needs ")
     assert fault.endswith("libgone.so, which is not here")
     assert binary.loading_fault(typed, ("fmi2DoStep",)) == ""
+
+
+# --- structural parameters ------------------------------------------------------------
+
+
+SIZED = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="3.0" modelName="sized3" instantiationToken="t">
+<CoSimulation modelIdentifier="sized3" canHandleVariableCommunicationStepSize="true"/>
+<ModelVariables>
+<UInt64 name="n" valueReference="1" causality="structuralParameter" start="3"/>
+<Float64 name="u" valueReference="2" causality="input" start="1 2 3">
+<Dimension valueReference="1"/></Float64>
+<Float64 name="y" valueReference="3" causality="output"><Dimension valueReference="1"/>
+</Float64></ModelVariables>
+<ModelStructure><Output valueReference="3" dependencies="2"/></ModelStructure>
+</fmiModelDescription>"""
+
+
+@pytest.fixture(scope="session")
+def sized(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An FMU of sized3.c."""
+    import re
+
+    import fmpy
+
+    folder = tmp_path_factory.mktemp("sized3")
+    source = Path(__file__).with_name("sized3.c").read_text()
+    header = (Path(fmpy.__file__).parent / "c-code/fmi3FunctionTypes.h").read_text()
+    others = {*re.findall(r"(fmi3\w+)TYPE", header)} - {
+        *re.findall(r"\b(fmi3\w+)\(", source)
+    }
+    code, library = folder / "sized3.c", folder / "sized3.so"
+    code.write_text(
+        source + "".join(f"int {f}(void) {{ return 3; }}\n" for f in sorted(others))
+    )
+    command = ["gcc", "-shared", "-fPIC", "-w", "-o", library, code]
+    subprocess.run(command, check=True)
+    with zipfile.ZipFile(folder / "a.fmu", "w") as archive:
+        archive.writestr("modelDescription.xml", SIZED)
+        archive.write(library, f"binaries/{fmpy.platform_tuple}/sized3.so")
+    return folder / "a.fmu"
+
+
+@pytest.mark.parametrize("isolate", ["none", "foreign"])
+def test_arrays_follow_from_a_structural_parameter(sized, tmp_path, isolate):
+    """By a parameter set and by --set, in configuration mode; also larger than before."""
+    (tmp_path / "resources").mkdir()
+    shutil.copy(sized, tmp_path / "resources")
+    file = write(tmp_path, component("a"))
+    assert run(file, isolate=isolate).results.values("a.y")[-1].tolist() == [2, 4, 6]
+    larger = {"a.n": 5, "a.u": [5.0, 4.0, 3.0, 2.0, 1.0]}
+    results = run(file, sets=larger, isolate=isolate).results
+    assert results.values("a.y")[-1].tolist() == [10, 8, 6, 4, 2]
+    elements = {"a.u[2]": 4.0, "a.u[1]": 5.0, "a.n": 2}
+    results = run(file, sets=elements, isolate=isolate).results
+    assert results.values("a.y")[-1].tolist() == [10, 8]
+    file = write(tmp_path, component("a", "", values(n="Integer 2")))
+    assert run(file, isolate=isolate).results.values("a.y")[-1].tolist() == [2, 4]
+    with pytest.raises(DesatError, match=r"no variable u\[3\]"):
+        run(file, sets={"a.u[3]": 1.0})

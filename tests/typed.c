@@ -3,7 +3,14 @@
 #include <stdlib.h>
 #include <string.h>
 
+typedef void log_message(void *, const char *, int, const char *, const char *, ...);
 typedef struct {
+    log_message *log;
+    void *allocate, *release, *finished, *environment;
+} services;
+
+typedef struct {
+    const services *of;
     double real[32];
     int integer[32], boolean[32];
     char text[32][64];
@@ -12,10 +19,11 @@ typedef struct {
 const char *fmi2GetTypesPlatform(void) { return "default"; }
 const char *fmi2GetVersion(void) { return "2.0"; }
 component *fmi2Instantiate(const char *called, int kind, const char *guid, const char *where,
-                           const void *callbacks, int visible, int logging)
+                           const services *of, int visible, int logging)
 {
-    (void)called, (void)kind, (void)guid, (void)where, (void)callbacks, (void)visible, (void)logging;
+    (void)called, (void)kind, (void)guid, (void)where, (void)visible, (void)logging;
     component *c = calloc(1, sizeof *c);
+    c->of = of;
     c->real[1] = 10.0, c->real[2] = 20.0, c->real[3] = 30.0;
     strcpy(c->text[0], "as it was");
     return c;
@@ -61,6 +69,8 @@ int fmi2DoStep(component *c, double t, double dt, int no)
     (void)t, (void)dt, (void)no;
     /* the Integer 15 counts the letters of the text 0 */
     c->integer[15] = (int)strlen(c->text[0]);
+    /* the Boolean 14 lets it complain at each step */
+    if (c->boolean[14]) c->of->log(c->of->environment, "typed", 1, "warning", "not again");
     return 0;
 }
 #define NOT_HERE(f) int f(component *c) { (void)c; return 3; }

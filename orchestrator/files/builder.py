@@ -46,6 +46,7 @@ RESERVED = (
     "time",
     SHARED,
 )  # no component may have these names: series of times, parameters of all
+STRUCTURAL = "structuralParameter"
 MOST_LINES = 100  # upper bound of lines about one kind of problem
 MOST_NAMED = 10  # upper bound of connectors that one line names
 # SI; no quantity of a spacecraft is larger, and its square and cube are finite
@@ -113,6 +114,18 @@ class Part:
         self.references.pop(base_name(name), None)
         for element in (*values, name):
             self.units.pop(element, None)
+
+    def resize(self) -> None:
+        """Let the arrays follow from the structural parameters that are given."""
+        if self.fmu is None or self.interface is None:
+            return
+        sizes = {
+            name: int(value)
+            for name, value in self.parameters.items()
+            if name in self.interface.signals
+            and self.interface.signals[name].causality == STRUCTURAL
+        }
+        self.interface = self.fmu.sized(sizes)
 
     def take(self, value: Value) -> None:
         """Store a value of an SSP file, which is checked when all layers are known."""
@@ -211,7 +224,8 @@ class Builder:
             for name, ratio in layer.step_ratios.items():
                 self.part(name, f"{layer.place}: step_ratio").step_ratio = ratio
             errors: list[str] = []
-            for value in layer.values:
+            # arrays follow from structural parameters
+            for value in sorted(layer.values, key=lambda v: not self._is_structural(v)):
                 self._give(value, layer, errors if value.raises else self.problems)
             if errors:
                 raise DesatError("\n".join(dict.fromkeys(errors)))
@@ -402,6 +416,8 @@ class Builder:
         for part in self._owners(value, errors):
             if value.unchecked:
                 part.take(value)
+                if self._is_structural(value):
+                    part.resize()
                 continue
             try:
                 if layer.of_options and value.owner != SHARED:
@@ -409,8 +425,18 @@ class Builder:
                 prefix = f"{value.prefix}: " if value.prefix else ""
                 part.assign(value.name, value.value, f"{prefix}{part.name}")
                 part.origins[base_name(value.name)] = value.origin
+                if self._is_structural(value):
+                    part.resize()
             except DesatError as error:
                 errors.append(str(error))
+
+    def _is_structural(self, value: Value) -> bool:
+        """Return whether a value is that of a structural parameter."""
+        part = self.components.get(value.owner)
+        if part is None or part.interface is None or value.owner == SHARED:
+            return False
+        signal = part.interface.signals.get(value.name)
+        return signal is not None and signal.causality == STRUCTURAL
 
     def _owners(self, value: Value, errors: list[str]) -> list[Part]:
         """Return the components to which a value applies."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import tempfile
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from itertools import product
 from math import prod
@@ -43,29 +43,53 @@ _INTEGERS = (
 _KINDS = {"Float32": "Real", "Float64": "Real", **dict.fromkeys(_INTEGERS, "Integer")}
 
 
-def of_fmu(path: Path, called: str = "") -> Interface:
+def of_fmu(
+    path: Path, called: str = "", sizes: Sequence[tuple[str, int]] = ()
+) -> Interface:
     """Read the interface of a co-simulation FMU of FMI 1.0, 2.0 or 3.0.
 
-    The FMU is a file or an extracted folder. `called` is its file's name, for messages.
+    Parameters
+    ----------
+    path
+        The FMU, a file or an extracted folder.
+    called
+        Its file's name, for messages.
+    sizes
+        Structural parameters with other values than their start values; arrays follow
+        from them, and have then no start values.
 
     Raises
     ------
     DesatError
         If it is no such FMU.
     """
-    return _of_fmu(path, called or path.name, path.stat().st_mtime_ns)
+    return _of_fmu(path, called or path.name, path.stat().st_mtime_ns, tuple(sizes))
 
 
 @lru_cache(maxsize=256)
-def _of_fmu(path: Path, called: str, _modified: int) -> Interface:
+def _of_fmu(
+    path: Path, called: str, _modified: int, sizes: tuple[tuple[str, int], ...]
+) -> Interface:
     """Read an interface, cached until the file changes."""
     root, description = _read(path, called)
+    _resize(description, dict(sizes))
     try:
         return _interface(root, description)
     except (ValueError, TypeError, AttributeError, ArithmeticError) as error:
         # the description has not been validated
         text = str(error) or type(error).__name__
         raise DesatError(f"{called}/modelDescription.xml: {text}") from error
+
+
+def _resize(description: Any, sizes: Mapping[str, int]) -> None:
+    """Give structural parameters other values, and the arrays their shapes."""
+    for v in description.modelVariables:
+        if v.causality == "structuralParameter" and v.name in sizes:
+            v.start = str(sizes[v.name])
+    for v in description.modelVariables:
+        if any(getattr(d.variable, "name", "") in sizes for d in v.dimensions):
+            dimensions = [d.start or d.variable.start for d in v.dimensions]
+            v.shape, v.start = tuple(map(int, dimensions)), None
 
 
 def _interface(root: Any, description: Any) -> Interface:

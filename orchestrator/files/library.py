@@ -14,7 +14,7 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -96,6 +96,10 @@ class FmuFile:
         ):
             return interface_of_block(entry["name"])
         return of_fmu(self.folder, self.path.name)
+
+    def sized(self, sizes: Mapping[str, int]) -> Interface:
+        """Return its variables where structural parameters have these values."""
+        return of_fmu(self.folder, self.path.name, sorted(sizes.items()))
 
     @cached_property
     def description(self) -> Any:

@@ -120,9 +120,14 @@ def _in_part(system: System) -> Iterator[str]:
             continue
         for array, missing in _missing_elements(c, wired):
             names = ", ".join(missing[:3]) + (" ..." if len(missing) > 3 else "")
+            unknown = c.interface.fmi == "3.0" and any(
+                c.interface.signals[e].start is None for e in missing
+            )
+            left = "are 0, as their start values are not known"
             yield (
                 f"{system.place}:{c.line}: {c.name}.{array} is wired or given in part: "
-                f"{names} of {len(c.interface.arrays[array])} keep the FMU's start values"
+                f"{names} of {len(c.interface.arrays[array])} "
+                f"{left if unknown else 'keep the start values of the FMU'}"
             )
 
 

@@ -93,6 +93,9 @@ class Fmu(Protocol):
     def interface(self) -> Interface:
         """Return its variables."""
 
+    def sized(self, sizes: Mapping[str, int]) -> Interface:
+        """Return its variables where structural parameters have these values."""
+
     @property
     def description(self) -> Any:
         """Return its model description, parsed by fmpy."""

@@ -138,11 +138,17 @@ class FmuInstance:
         self._functions.instantiate(fmu, self.name, id(self))
         self._c = self._functions.c
         self._back()
+        self._structural = {
+            name: value
+            for name, value in component.parameters.items()
+            if component.interface.signals[name].causality == "structuralParameter"
+        }
         if not self._c:
             raise ComponentError(
                 f"{self.name}: cannot be instantiated{self._last_message()}"
             )
         self._library.instances += 1
+        self._configure()
 
     def _last_message(self) -> str:
         """Format the last message that the FMU logged."""
@@ -284,9 +290,25 @@ class FmuInstance:
 
     def enter(self, start: float, parameters: Mapping[str, Scalar]) -> None:
         start_values = [
-            (self._interface.signals[name], value) for name, value in parameters.items()
+            (self._interface.signals[name], value)
+            for name, value in parameters.items()
+            if name not in self._structural
         ]
         self._functions.note_values(start_values)
+        self._set(start_values)
+        for name, *arguments in self._functions.begin(start):
+            self._call(name, *arguments)
+
+    def _configure(self) -> None:
+        """Set structural parameters, from which the lengths of arrays follow."""
+        if self._structural:
+            self._call("fmi3EnterConfigurationMode")
+            signals = self._interface.signals
+            self._set([(signals[name], x) for name, x in self._structural.items()])
+            self._call("fmi3ExitConfigurationMode")
+
+    def _set(self, start_values: Sequence[tuple[Signal, Scalar]]) -> None:
+        """Set variables to their start values, a kind at a time."""
         for kind in dict.fromkeys(s.kind for s, _ in start_values):
             pairs = [(s, value) for s, value in start_values if s.kind == kind]
             for s, value in pairs:
@@ -297,8 +319,6 @@ class FmuInstance:
             values = np.array([value for _, value in pairs], DTYPE[kind])  # type: ignore[index]
             status = self._now("Set", [s for s, _ in pairs], values)
             self._judge(f"setting {pairs[0][0].name} …", status)
-        for name, *arguments in self._functions.begin(start):
-            self._call(name, *arguments)
 
     def exit(self) -> None:
         name, *arguments = self._functions.end()
@@ -329,6 +349,7 @@ class FmuInstance:
     def reset(self) -> None:
         """Return to the state after construction and wiring, except for the inputs."""
         self._call(self._functions.reset)
+        self._configure()
         self.messages.clear()
         self.counts.clear()
 
