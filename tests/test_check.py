@@ -81,8 +81,7 @@ def test_doctype(broken):
 
 def test_missing_fmu(broken):
     problems = broken(("resources/magnetometer.fmu", "resources/magnetomter.fmu"))
-    assert "magnetometer: FMU resources/magnetomter.fmu is missing" in problems
-    assert "did you mean magnetometer?" in problems
+    assert problems.endswith("magnetometer: FMU resources/magnetomter.fmu is missing")
 
 
 def test_unknown_connector(broken):
@@ -102,10 +101,7 @@ def test_unknown_connector_in_the_list(broken):
             '<ssd:Connector name="q_ib[1]" kind="input">',
         )
     )
-    assert (
-        "magnetometer.q_ib[1]: the FMU has no such variable; did you mean q_bi[1]?"
-        in problems
-    )
+    assert "magnetometer has no connector q_bi[1]; did you mean q_ib[1]?" in problems
 
 
 def test_unknown_component(broken):

@@ -457,8 +457,8 @@ OMS = (
     "</ssd:Annotations>"
 )
 EXPERIMENT = '<ssd:DefaultExperiment startTime="{}" stopTime="{}"/>'
-BAR = (
-    '<ssv:Units><ssc:Unit name="bar"><ssc:BaseUnit kg="1" m="-2"/></ssc:Unit></ssv:Units>'
+PSI = (
+    '<ssv:Units><ssc:Unit name="psi"><ssc:BaseUnit kg="1" m="-2"/></ssc:Unit></ssv:Units>'
     "</ssv:ParameterSet>"
 )
 
@@ -520,7 +520,7 @@ def of_a_step_beyond_the_end(folder: Path, gain: Path) -> str:
 
 
 def in_another_unit(folder: Path, gain: Path) -> str:
-    values = inline({"u": 1.0}, unit=' unit="bar"').replace("</ssv:ParameterSet>", BAR)
+    values = inline({"u": 1.0}, unit=' unit="psi"').replace("</ssv:ParameterSet>", PSI)
     return system("s", component("a", values))
 
 
@@ -666,7 +666,9 @@ def test_their_ways_to_write_run_to_the_end(
 
 def test_each_outcome_of_public_ones_has_a_stand_in() -> None:
     known = {message.partition(",")[0] for message in STAND_INS}
-    assert {answer["outcome"] for answer in PUBLIC} - {"runs"} == known
+    assert {answer["outcome"] for answer in PUBLIC} - {"runs"} == known - {
+        "does not fit bar"
+    }
 
 
 PUBLIC = tomllib.loads((Path(__file__).parent / "foreign.toml").read_text())["ssp"]

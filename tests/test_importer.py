@@ -736,3 +736,65 @@ def test_arrays_follow_from_a_structural_parameter(sized, tmp_path, isolate):
     assert run(file, isolate=isolate).results.values("a.y")[-1].tolist() == [2, 4]
     with pytest.raises(DesatError, match=r"no variable u\[3\]"):
         run(file, sets={"a.u[3]": 1.0})
+
+
+# --- arrays of SSP 2.0 ----------------------------------------------------------------
+
+
+def array(name: str, kind: str, size: str = "3") -> str:
+    return connector(name, kind, "Float64", f'<ssc:Dimension size="{size}"/>')
+
+
+def test_an_array_is_wired_by_one_connection(tmp_path):
+    """Our magnetometer of FMI 3.0 feeds the B-dot manager."""
+    from desat.files import paths
+
+    (tmp_path / "resources").mkdir()
+    for name in ("magnetometer", "manager_b_dot"):
+        shutil.copy(paths.fmus() / f"fmi3/{name}.fmu", tmp_path / "resources")
+    field = values(b_eci="Float64 1e-5 2e-5 -3e-5")
+    elements = component("magnetometer", array("b_body", "output"), field)
+    off = values(gain="Float64 0")
+    elements += component("manager_b_dot", array("b_body", "input"), off)
+    wires = wire("magnetometer.b_body", "manager_b_dot.b_body")
+    file = write(tmp_path, elements, wires, version="2.0")
+    results = run(file).results
+    assert results.values("magnetometer.b_body")[-1] == pytest.approx(
+        [1e-5, 2e-5, -3e-5], abs=1e-6
+    )
+    system_, _ = prepare(str(file), Options(stop=2.0, step=0.5)).or_raise()
+    assert [c.input for c in system_.connections] == [f"b_body[{i}]" for i in (1, 2, 3)]
+
+
+@pytest.mark.parametrize(
+    ("size", "message"),
+    [
+        ("0", "a Dimension of size '0'; a number from 1 to"),
+        ("-1", "a Dimension of size '-1'"),
+        ("x", "a Dimension of size 'x'"),
+        ("", "a Dimension of no size"),
+        ("2", "a.y -> b.u: 3 does not fit 2"),
+    ],
+)
+def test_a_wrong_dimension_is_a_line(typed, tmp_path, size, message):
+    rows = [variable(f"u[{i}]", i) for i in (1, 2, 3)]
+    rows += [variable(f"y[{i}]", 16 + i, causality="output") for i in (1, 2, 3)]
+    for name in "ab":
+        fmu(tmp_path / f"resources/{name}.fmu", typed, rows)
+    elements = component("a", array("y", "output"))
+    elements += component("b", array("u", "input", size))
+    found = checked(write(tmp_path, elements, wire("a.y", "b.u"), version="2.0"))
+    assert any(message in line for line in found.problems)
+
+
+def test_a_matrix_is_wired_by_one_connection(typed, tmp_path):
+    names = ("[1,1]", "[1,2]", "[2,1]", "[2,2]")
+    rows = [variable(f"u{n}", 1 + i) for i, n in enumerate(names)]
+    rows += [variable(f"y{n}", 17 + i, causality="output") for i, n in enumerate(names)]
+    for name in "ab":
+        fmu(tmp_path / f"resources/{name}.fmu", typed, rows)
+    two = '<ssc:Dimension size="2"/><ssc:Dimension size="2"/>'
+    elements = component("a", connector("y", "output", "Float64", two))
+    elements += component("b", connector("u", "input", "Float64", two))
+    file = write(tmp_path, elements, wire("a.y", "b.u"), version="2.0")
+    assert run(file).results.values("b.y")[-1].tolist() == [10.0, 20.0, 30.0, 0.0]

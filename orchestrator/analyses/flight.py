@@ -28,7 +28,7 @@ from ..engine.instances.fmu import FmuInstance
 from ..files import library
 from ..numbers.derived import coil_impulse, cross, from_body, rotate_back
 from ..system.errors import DesatError
-from ..system.interface import KINDS, Kind, Signal
+from ..system.interface import MOVED_KINDS, Kind, Signal
 from ..system.model import Component, System, Values
 from ..system.parameters import Parameter, bare_block, table
 from ..system.wheels import axes_of, capacities, existing
@@ -590,7 +590,7 @@ def _rows_of_fmu(block: Block, times: Sequence[float]) -> Array | None:
     instance = FmuInstance(component, fmu)
     rows = np.empty((len(times), len(outputs)))
     try:
-        no_inputs: dict[Kind, list[Signal]] = {kind: [] for kind in KINDS}
+        no_inputs: dict[Kind, list[Signal]] = {kind: [] for kind in MOVED_KINDS}
         instance.wire(no_inputs, {**no_inputs, "Real": outputs}, into, clock)
         instance.enter(times[0], start_values)
         instance.exit()

@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import json
 import zipfile
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
@@ -25,7 +25,8 @@ from ..files.io import place_of, replace_text
 from ..files.scenario import ROOT, Scenario, families
 from ..files.ssp import ABOUT, FILE, OMS, OSP, SSC, SSD, SSV
 from ..system.errors import DesatError, nearest
-from ..system.model import Component, System
+from ..system.interface import Signal, base_name
+from ..system.model import Component, Connection, System
 
 
 def pack_scenario(
@@ -35,6 +36,7 @@ def pack_scenario(
     fmus: str = "python",
     choose: Callable[[System], System] | None = None,
     tell: Callable[[str], None] = lambda text: None,
+    arrays: bool = False,
 ) -> Path:
     """Check a scenario, write its .ssp and return its path.
 
@@ -55,6 +57,8 @@ def pack_scenario(
         without it a run of the archive chooses.
     tell
         Called with a line for each thing that other tools interpret differently.
+    arrays
+        As for `pack`.
 
     Raises
     ------
@@ -64,6 +68,7 @@ def pack_scenario(
     folder = (
         paths.packed_folder() / "native" if fmus == "native" else paths.packed_folder()
     )
+    folder = folder / "arrays" if arrays else folder
     path = target or folder / f"{scenario.name}.ssp"
     inputs = [
         *(ROOT / scenario.family).rglob("*.toml"),
@@ -78,7 +83,7 @@ def pack_scenario(
         return path
     system, _ = scenario.builder().check().or_raise()
     system = choose(system) if choose is not None else system
-    pack(system, path, fmus)
+    pack(system, path, fmus, arrays)
     for text in otherwise(system):
         tell(f"{scenario.name}: {text}")
     return path
@@ -104,12 +109,17 @@ def otherwise(system: System) -> list[str]:
     return lines
 
 
-def pack(system: System, target: Path, fmus: str = "python") -> None:
+def pack(
+    system: System, target: Path, fmus: str = "python", arrays: bool = False
+) -> None:
     """Write a system as one self-contained .ssp in the universal profile.
 
     Blocks of the project are packed as Python FMUs, which run on more platforms, or
     where `fmus` is "native" as native ones if there are such. Components that step once
     in several steps get a step-size hint; of the other tools only libcosim reads it.
+
+    With `arrays` it is of SSP 2.0: our FMUs are those of FMI 3.0, and an array has one
+    connector with its dimensions and one connection.
 
     Raises
     ------
@@ -123,13 +133,15 @@ def pack(system: System, target: Path, fmus: str = "python") -> None:
                 f"{system.place}:{connection.line}: {connection} converts its value; other tools "
                 "would not, so it cannot be packed"
             )
-    wired = {(c.source, c.output) for c in system.connections}
-    wired |= {(c.target, c.input) for c in system.connections}
+    connections = (
+        _whole_arrays(system) if arrays else list(map(_ends, system.connections))
+    )
+    wired = {end for pair in connections for end in pair}
     members: dict[str, bytes] = {}
     root = etree.Element(
         f"{{{SSD}}}SystemStructureDescription",
         name=system.name.replace("/", "_"),
-        version="1.0",
+        version="2.0" if arrays else "1.0",
         # declared here: libcosim takes a later declaration for content
         nsmap={"ssd": SSD, "ssc": SSC, "ssv": SSV, "osp": OSP, "oms": OMS},
     )
@@ -145,7 +157,8 @@ def pack(system: System, target: Path, fmus: str = "python") -> None:
         # The component's name: Ecos names instances by file, and noise is keyed by
         # the instance.
         source = f"resources/{component.name}.fmu"
-        members[source] = library.of_kind(component.fmu, fmus).path.read_bytes()
+        kind = "fmi3" if arrays else fmus
+        members[source] = library.of_kind(component.fmu, kind).path.read_bytes()
         element = _sub(
             elements,
             "Component",
@@ -157,14 +170,14 @@ def pack(system: System, target: Path, fmus: str = "python") -> None:
         _list_connectors(element, component, wired)
         if component.parameters:
             file = f"resources/{component.name}.ssv"
-            members[file] = _parameter_set(component)
+            members[file] = _parameter_set(component, arrays)
             bindings = _sub(element, "ParameterBindings")
             _sub(bindings, "ParameterBinding", source=file)
         if component.step_ratio > 1:
             annotation = _annotation(element, "com.opensimulationplatform")
             hint = repr(component.step_ratio * system.step)
             etree.SubElement(annotation, f"{{{OSP}}}StepSizeHint", value=hint)
-    _list_connections(top, system)
+    _list_connections(top, connections)
     _annotate_for_omsimulator(top, system)
     _default_experiment(root, system)
     members[FILE] = _text(root)
@@ -175,38 +188,82 @@ def pack(system: System, target: Path, fmus: str = "python") -> None:
     _write_archive(members, target)
 
 
+_Ends = tuple[tuple[str, str], tuple[str, str]]
+
+
+def _ends(c: Connection) -> _Ends:
+    """Return component and variable at both ends of a connection."""
+    return (c.source, c.output), (c.target, c.input)
+
+
+def _whole_arrays(system: System) -> list[_Ends]:
+    """Return the connections, those of the elements of two arrays as one.
+
+    Raises DesatError if an array is wired in part, or its elements in another order.
+    """
+    found: dict[_Ends, dict[str, str]] = {}
+    for c in system.connections:
+        ends = (c.source, c.output_array), (c.target, c.input_array)
+        output = c.output.removeprefix(c.output_array)
+        found.setdefault(ends, {})[c.input.removeprefix(c.input_array)] = output
+    for ends, elements in found.items():
+        for component, name in ends:
+            arrays = system.components[component].interface.arrays
+            indices = [s.name.removeprefix(name) for s in arrays[name]]
+            if [*elements] != indices or [*elements.values()] != indices:
+                raise DesatError(
+                    f"{system.place}: {component}.{name} is not wired as a whole, element by "
+                    "element: without --arrays it can be packed"
+                )
+    return list(found)
+
+
 def _list_connectors(
     element: Any, component: Component, wired: Collection[tuple[str, str]]
 ) -> None:
     """Add the connectors of a component that connections use."""
+    interface = component.interface
     listed = [
-        s
-        for s in component.interface.signals.values()
-        if (component.name, s.name) in wired
+        (name, of)
+        for name, of in interface.elements.items()
+        if (component.name, name) in wired
     ]
     if not listed:  # SSP does not allow an empty list
         return
+    places = {signal: i for i, signal in enumerate(interface.signals)}
     connectors = _sub(element, "Connectors")
-    for signal in listed:
-        connector = _sub(
-            connectors, "Connector", name=signal.name, kind=signal.causality
-        )
-        etree.SubElement(connector, f"{{{SSC}}}{signal.kind}")
+    for name, of in sorted(listed, key=lambda pair: places[pair[1][0].name]):
+        connector = _sub(connectors, "Connector", name=name, kind=of[0].causality)
+        is_array = of[0].name != name
+        kind = _TYPES_2[of[0].kind] if is_array else of[0].kind
+        etree.SubElement(connector, f"{{{SSC}}}{kind}")
+        for size in _shape_of(of) if is_array else ():
+            etree.SubElement(connector, f"{{{SSC}}}Dimension", size=str(size))
 
 
-def _list_connections(top: Any, system: System) -> None:
+# Types of SSP 1.0 -> those of SSP 2.0.
+_TYPES_2 = {"Real": "Float64", "Integer": "Int32", "Boolean": "Boolean"}
+
+
+def _shape_of(elements: Sequence[Signal]) -> tuple[int, ...]:
+    """Return the shape of an array from the index of its last element."""
+    _, _, index = elements[-1].name.removesuffix("]").rpartition("[")
+    return tuple(map(int, index.split(",")))
+
+
+def _list_connections(top: Any, ends: Sequence[_Ends]) -> None:
     """Add the connections of a system."""
-    if not system.connections:
+    if not ends:
         return
     connections = _sub(top, "Connections")
-    for c in system.connections:
+    for (source, output), (target, into) in ends:
         _sub(
             connections,
             "Connection",
-            startElement=c.source,
-            startConnector=c.output,
-            endElement=c.target,
-            endConnector=c.input,
+            startElement=source,
+            startConnector=output,
+            endElement=target,
+            endConnector=into,
         )
 
 
@@ -229,21 +286,37 @@ def _text(root: Any) -> bytes:
     )
 
 
-def _parameter_set(component: Component) -> bytes:
-    """Return the parameter set of a component as XML."""
+def _parameter_set(component: Component, arrays: bool = False) -> bytes:
+    """Return the parameter set of a component as XML.
+
+    With `arrays` an array is one parameter, with the values of all its elements.
+    """
     root = etree.Element(
         f"{{{SSV}}}ParameterSet",
         name="parameters",
-        version="1.0",
+        version="2.0" if arrays else "1.0",
         nsmap={"ssv": SSV, "ssc": SSC},
     )
     parameters = etree.SubElement(root, f"{{{SSV}}}Parameters")
-    for name, value in component.parameters.items():
+    interface = component.interface
+    names = dict.fromkeys(
+        base_name(name) if arrays else name for name in component.parameters
+    )
+    for name in names:
         parameter = etree.SubElement(parameters, f"{{{SSV}}}Parameter", name=name)
-        kind = component.interface.signals[name].kind
-        text = str(value).lower() if isinstance(value, bool) else repr(value)
-        etree.SubElement(parameter, f"{{{SSV}}}{kind}", value=text)
+        elements = interface.elements[name]
+        is_array = elements[0].name != name
+        kind = _TYPES_2[elements[0].kind] if is_array else elements[0].kind
+        text = " ".join(_value_text(component.values[s.name]) for s in elements)
+        element = etree.SubElement(parameter, f"{{{SSV}}}{kind}", value=text)
+        for size in _shape_of(elements) if is_array else ():
+            etree.SubElement(element, f"{{{SSC}}}Dimension", size=str(size))
     return _text(root)
+
+
+def _value_text(value: object) -> str:
+    """Format a value for a parameter set."""
+    return str(value).lower() if isinstance(value, bool) else f"{value!r}".strip("'")
 
 
 def _annotate_for_omsimulator(top: Any, system: System) -> None:

@@ -641,6 +641,8 @@ class Builder:
             return value
         if isinstance(value, str) or unit == signal.unit_name:
             return value
+        if isinstance(value, list):
+            return [in_unit_of(signal, x, unit, place) for x in value]
         return in_unit_of(signal, value, unit, place)
 
     def _warn_of_namesake(
@@ -796,8 +798,7 @@ def _misfits(
 ) -> Iterator[str]:
     """Say how a listed connector differs from the variable of its name.
 
-    An Integer may be listed as Real and the other way round: what is wired to it
-    decides.
+    An Integer may be listed as Real: what is wired to it decides.
     """
     if signal is None:
         hint = nearest(connector.name, interface.signals)
@@ -806,8 +807,8 @@ def _misfits(
     if connector.kind != signal.causality:
         yield f"listed as {connector.kind}, but it is an {signal.causality}"
     listed = "Integer" if connector.type == "Enumeration" else connector.type
-    numbers = ("Real", "Integer")
-    if listed not in ("", signal.kind) and {listed, signal.kind} != {*numbers}:
+    is_wider = (listed, signal.kind) == ("Real", "Integer")
+    if listed not in ("", signal.kind) and not is_wider:
         yield f"listed as {connector.type}, but it is {signal.kind}"
     if connector.unit in ("", signal.unit_name) or signal.unit is None:
         return

@@ -280,11 +280,11 @@ def of_ours(source: str, kind: str = "native") -> Fmu | None:
 def our_file(source: str, kind: str = "native") -> Path | None:
     """Find our built FMU of a name (`resources/NAME.fmu`, `NAME.fmu`).
 
-    It is the native one. If there is none, or if `kind` is python, it is the one of
-    Python. The result is None if there is neither.
+    It is the native one, or with `fmi3` that of FMI 3.0. If there is none, or if `kind`
+    is python, it is the one of Python. The result is None if there is neither.
     """
     name = Path(source).name
-    folders = [paths.fmus() / "native"] if kind == "native" else []
+    folders = [paths.fmus() / kind] if kind in ("native", "fmi3") else []
     candidates = (folder / name for folder in (*folders, paths.fmus()))
     return next((path for path in candidates if path.exists()), None)
 
@@ -296,7 +296,7 @@ def of_kind(fmu: Fmu, kind: str) -> Fmu:
     """
     path = fmu.path
     if (folder := own.folder_of(path)) is not None:
-        path_of_kind = folder / ("native" if kind == "native" else "") / path.name
+        path_of_kind = folder / ("" if kind == "python" else kind) / path.name
         return load(path_of_kind) if path_of_kind.exists() else fmu
     ours = path.parent in (paths.fmus(), paths.fmus() / "native")
     return (of_ours(path.name, kind) or fmu) if ours else fmu

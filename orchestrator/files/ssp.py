@@ -11,8 +11,9 @@ parameter of a parameter set with a mapping keeps its own name.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from math import isfinite
 from pathlib import Path
 from types import MappingProxyType
@@ -111,6 +112,29 @@ _TAKES = {
 }
 
 
+MOST_SIZE = 100_000  # elements of a dimension of an array connector
+# Types of SSP 2.0 -> those of SSP 1.0; the others have one name.
+_TYPES = {
+    **dict.fromkeys(("Float64", "Float32"), "Real"),
+    **dict.fromkeys(
+        (f"{sign}Int{bits}" for sign in ("", "U") for bits in (8, 16, 32, 64)),
+        "Integer",
+    ),
+}
+
+
+def _type_of(element: Any) -> str:
+    """Return the type that an element names, as SSP 1.0 calls it."""
+    name: str = etree.QName(element).localname
+    return _TYPES.get(name, name)
+
+
+def indices_of(shape: Sequence[int]) -> Iterator[str]:
+    """Yield the suffixes of an array's elements, `[1]` or `[1,2]`; "" for a scalar."""
+    for index in product(*(range(1, n + 1) for n in shape)):
+        yield f"[{','.join(map(str, index))}]" if index else ""
+
+
 class _End(NamedTuple):
     """A connector, with the path of its system or component.
 
@@ -147,7 +171,8 @@ class _Value(NamedTuple):
     """Value of a parameter set, by its name where the set is bound."""
 
     name: str
-    value: Scalar | str  # a text names an item of an enumeration
+    # a text names an item of an enumeration; an array is a list
+    value: Scalar | str | list[Scalar | str]
     unit: Unit | str | None  # a text is the name of an unknown unit
     at: str  # file and line
     unit_name: str = ""  # as it is written
@@ -161,11 +186,15 @@ class _Value(NamedTuple):
         unit, name = (self.unit, self.unit_name) if converts else (None, "")
         if (factor, offset) == (1.0, 0.0):
             return self._replace(unit=unit, unit_name=name)
-        if isinstance(self.value, str):
+        several = self.value if isinstance(self.value, list) else [self.value]
+        numbers: list[Scalar | str] = [
+            factor * x + offset for x in several if not isinstance(x, str)
+        ]
+        if len(numbers) != len(several):
             raise DesatError(
                 f"{self.at}: {self.name} = {self.value}: a transformation needs a number"
             )
-        value = factor * self.value + offset
+        value = numbers if isinstance(self.value, list) else numbers[0]
         return self._replace(value=value, unit=unit, unit_name=name)
 
 
@@ -183,6 +212,7 @@ class _Reader:
         # paths of systems and dictionaries -> path by which their connectors are known
         self.relays: dict[str, str] = {"": ""}
         self.kinds: dict[_End, str] = {}  # of listed connectors
+        self.shapes: dict[_End, tuple[int, ...]] = {}  # of those that are arrays
         self.links: list[_Link] = []
         # path where each value is bound; a later value replaces an earlier one
         self.values: list[tuple[str, _Value]] = []
@@ -277,7 +307,9 @@ class _Reader:
         """
         dictionaries = {**above, **self.dictionaries(system, path)}
         for child in system.iterfind(f"{{{SSD}}}Connectors/{{{SSD}}}Connector"):
-            self.kinds[_End(path, child.get("name", ""))] = child.get("kind", "")
+            end = _End(path, child.get("name", ""))
+            self.kinds[end] = child.get("kind", "")
+            self.note_shape(child, end)
         for child in system.iterfind(f"{{{SSD}}}Elements/*"):
             tag, name = etree.QName(child).localname, child.get("name", "")
             within = f"{path}.{name}" if path else name
@@ -308,7 +340,7 @@ class _Reader:
                     "and SignalDictionaryReference are supported"
                 )
         for child in system.iterfind(f"{{{SSD}}}Connections/{{{SSD}}}Connection"):
-            self.links.append(self.link(child, path))
+            self.links += self.elements_of(self.link(child, path))
         self.values += [(path, value) for value in self.bindings(system)]
 
     def dictionaries(self, system: Any, path: str) -> dict[str, str]:
@@ -445,20 +477,31 @@ class _Reader:
         connectors: dict[str, Connector] = {}
         name = self.named(path)
         for child in element.iterfind(f"{{{SSD}}}Connectors/{{{SSD}}}Connector"):
-            kind = next((c for c in child if etree.QName(c).namespace == SSC), None)
-            connector = Connector(
-                child.get("name", ""),
-                child.get("kind", ""),
-                "" if kind is None else etree.QName(kind).localname,
-                "" if kind is None else kind.get("unit", ""),
-                child.sourceline,
+            kind = next(
+                (
+                    c
+                    for c in child
+                    if etree.QName(c).namespace == SSC
+                    and etree.QName(c).localname != "Dimension"
+                ),
+                None,
             )
-            if connector.name in connectors:
-                self.problems.append(
-                    f"{self.at(child)}: {name}.{connector.name} is listed twice"
+            end = _End(path, child.get("name", ""))
+            self.kinds[end] = child.get("kind", "")
+            self.note_shape(child, end)
+            for index in indices_of(self.shapes.get(end, ())):
+                connector = Connector(
+                    f"{end.connector}{index}",
+                    self.kinds[end],
+                    "" if kind is None else _type_of(kind),
+                    "" if kind is None else kind.get("unit", ""),
+                    child.sourceline,
                 )
-            connectors[connector.name] = connector
-            self.kinds[_End(path, connector.name)] = connector.kind
+                if connector.name in connectors:
+                    self.problems.append(
+                        f"{self.at(child)}: {name}.{connector.name} is listed twice"
+                    )
+                connectors[connector.name] = connector
         hint = element.find(f".//{{{OSP}}}StepSizeHint")
         if hint is not None:
             self.hints[path] = self.number(hint, "value", "0")
@@ -523,6 +566,41 @@ class _Reader:
         return _Link(
             start, end, element.sourceline, factor, offset, self.converts(element)
         )
+
+    def note_shape(self, connector: Any, end: _End) -> None:
+        """Record the shape of an array connector of SSP 2.0, from its dimensions."""
+        sizes = []
+        for dimension in connector.iter(f"{{{SSD}}}Dimension", f"{{{SSC}}}Dimension"):
+            text = dimension.get("size", "")
+            if not (text.isascii() and text.isdigit() and 0 < int(text) <= MOST_SIZE):
+                given = f"size {text!r}" if text else "no size"
+                self.problems.append(
+                    f"{self.at(dimension)}: {'.'.join(filter(None, end))}: a Dimension of "
+                    f"{given}; a number from 1 to {MOST_SIZE} is needed"
+                )
+                return
+            sizes.append(int(text))
+        if sizes:
+            self.shapes[end] = tuple(sizes)
+
+    def elements_of(self, link: _Link) -> Iterator[_Link]:
+        """Yield a connection of scalars, or those of the elements of two arrays."""
+        ends = (link.start, link.end)
+        shapes = [self.shapes.get(end, ()) for end in ends]
+        if shapes[0] != shapes[1]:
+            start, end = (".".join(filter(None, e)) for e in ends)
+            sizes = [" x ".join(map(str, s)) or "a scalar" for s in shapes]
+            self.problems.append(
+                f"{self.place}:{link.line}: {start} -> {end}: {sizes[0]} does not fit "
+                f"{sizes[1]}"
+            )
+            return
+        for index in indices_of(shapes[0]):
+            yield replace(
+                link,
+                start=link.start._replace(connector=link.start.connector + index),
+                end=link.end._replace(connector=link.end.connector + index),
+            )
 
     def converts(self, element: Any) -> bool:
         """Return whether units are converted."""
@@ -592,16 +670,15 @@ class _Reader:
                 )
                 unit = self.unit(value.get("unit"), root, f"{at}: {source}")
                 unit_name = value.get("unit", "")
-                read = _Value(source, self.value(value, place), unit, at, unit_name)
+                read = _Value(source, self.values_of(value, place), unit, at, unit_name)
                 for name, factor, offset, converts in mapped.get(
                     source, [(source, 1.0, 0.0, True)]
                 ):
                     converted = read._replace(name=name).through(
                         factor, offset, converts
                     )
-                    if (other := bound.setdefault(name, converted))[:3] != converted[
-                        :3
-                    ]:
+                    other = bound.setdefault(name, converted)
+                    if other[:3] != converted[:3]:
                         converted = converted._replace(also=other.at)
                     values.append(converted)
         return values
@@ -660,13 +737,23 @@ class _Reader:
         except DesatError:
             return name
 
-    def value(self, element: Any, place: str) -> Scalar | str:
-        """Parse the value of a parameter.
+    def values_of(self, element: Any, place: str) -> Scalar | str | list[Scalar | str]:
+        """Parse the value of a parameter, or those of an array of SSP 2.0.
+
+        Raises DesatError if one is not of its type.
+        """
+        text = str(element.get("value", ""))
+        texts = text.split()
+        if etree.QName(element).localname not in _TYPES or len(texts) < 2:
+            return self.value(element, text, place)
+        return [self.value(element, part, place) for part in texts]
+
+    def value(self, element: Any, text: str, place: str) -> Scalar | str:
+        """Parse a value of a parameter.
 
         Raises DesatError if it is not of its type.
         """
-        kind: str = etree.QName(element).localname
-        text: str = element.get("value", "")
+        kind = _type_of(element)
         try:
             if kind == "Real":
                 return float(text)

@@ -6,13 +6,17 @@ import os
 import time
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ...system import choices
+from ...system.errors import DesatError
 from .. import options as o
 from ..console import app, err, example, out, print_json
+
+if TYPE_CHECKING:
+    from ...files.scenario import Scenario
 
 
 @app.command(epilog=example("desat pack uosat12/table3-ocdc-ilqr-1"))
@@ -21,10 +25,10 @@ def pack(
     names: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="[NAME|FILE]...",
+            metavar="[NAME|FILE|FOLDER]...",
             autocompletion=o.complete_name,
-            help="Scenarios (default: all that have changed since); one of a file of your own "
-            "(.toml) is packed beside it. With --ssd families and craft files (default: all).",
+            help="Scenarios (default: all that have changed since); one of a craft or file of "
+            "your own is packed beside it. With --ssd families and craft files (default: all).",
         ),
     ] = None,
     ssd: Annotated[
@@ -42,6 +46,13 @@ def pack(
             show_default=False,
         ),
     ] = None,
+    arrays: Annotated[
+        bool,
+        typer.Option(
+            "--arrays",
+            help="SSP 2.0: FMUs of FMI 3.0, and one connection for an array.",
+        ),
+    ] = False,
     as_json: o.Json = False,
 ) -> None:
     """Pack scenarios as self-contained .ssp files, or write the SSD of crafts.
@@ -50,24 +61,19 @@ def pack(
     """
     from ...export import packing as pack_module
     from ...files import library, paths
-    from ...files.scenario import find, read_foreign, scenarios
+    from ...files.scenario import scenarios
     from ...runs.substep_choice import settled
 
     if ssd:
-        o.refuse(ctx, "an SSD names FMUs, it has none inside", "fmus")
+        o.refuse(ctx, "an SSD names FMUs, it has none inside", "fmus", "arrays")
         _write_ssds(names or [], as_json)
         return
     kind = fmus if fmus else "native" if library.portable() else "python"
-    files = [Path(n) for n in names or () if n.endswith(".toml")]
-    ours = (
-        [find(n) for n in names if not n.endswith(".toml")]
+    sources: list[tuple[Scenario, Path | None]] = (
+        [(_scenario_of(name), _place_of(name)) for name in names]
         if names
-        else scenarios().values()
+        else [(scenario, None) for scenario in scenarios().values()]
     )
-    sources = [
-        *((read_foreign(f), f.with_suffix(".ssp")) for f in files),
-        *((s, None) for s in ours),
-    ]
     messages: list[str] = []
     packed = [
         str(
@@ -78,6 +84,7 @@ def pack(
                 fmus=kind,
                 choose=partial(settled, scenario.name),
                 tell=messages.append,
+                arrays=arrays,
             )
         )
         for scenario, target in sources
@@ -98,6 +105,26 @@ def pack(
             text = f"{', '.join(python)}: of Python, also where it is packed: its host needs one"
             err.print(f"note: {text}")
         out.print(f"{len(packed)} packed: {os.path.commonpath(packed)}")
+
+
+def _scenario_of(target: str) -> Scenario:
+    """Return the scenario that a target names, as `desat run` takes it."""
+    from ...runs.prepare import read
+
+    scenario = read(target).scenario
+    if scenario is None:
+        raise DesatError(f"{target}: it is a system file of SSP already")
+    return scenario
+
+
+def _place_of(target: str) -> Path | None:
+    """Return where a scenario of a user's own is packed; None for one of ours."""
+    path = Path(target)
+    if path.is_dir():
+        return path / f"{path.resolve().name}.ssp"
+    if path.suffix != ".toml":
+        path = Path(f"{target}.toml")
+    return path.with_suffix(".ssp") if path.is_file() else None
 
 
 def _write_ssds(names: list[str], as_json: bool) -> None:
