@@ -40,7 +40,14 @@ from rich.progress import track
 
 from . import fmi3, interfaces, meaning, native
 from .compiler import NoCompilerError, compiler
-from .description import DATE, ICON, documentation, model_description
+from .description import (
+    DATE,
+    ICON,
+    LICENCE,
+    documentation,
+    licence,
+    model_description,
+)
 from .meaning import COMPONENTS, sources
 from .own import OwnBlockError, identifier, is_own, shipped
 from .registry import block_class, names
@@ -126,6 +133,7 @@ def build(block_ref: str, dist: Path = DIST) -> Path:
         block, name, f"{{{guid}}}", DATE, version("desat")
     )
     members["documentation/index.html"] = documentation(block, name).encode()
+    members |= licence(block)
     members["model.png"] = ICON.read_bytes()
     dist.mkdir(parents=True, exist_ok=True)
     return native.pack(members, dist / f"{name}.fmu")
@@ -218,7 +226,7 @@ def _digest(block_ref: str) -> str:
         digest.update(f"\0{path}\0{len(data)}\0".encode() + data)
     for text in (inspect.getsource(build), ENTRY, inspect.getsource(native.pack)):
         digest.update(text.encode())
-    for file in (HERE / "description.py", ICON):
+    for file in (HERE / "description.py", ICON, LICENCE):
         digest.update(file.read_bytes())
     return digest.hexdigest()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,9 @@ ONE_SECOND = {"startTime": 0.0, "stepSize": 1.0}
 DISPLAY = {"rad": "deg", "rad/s": "deg/s"}
 # image of an FMU in hosts: a turning wheel (96 x 96 pixels)
 ICON = Path(__file__).with_name("icon.png")
+LICENCE = Path(__file__).with_name("license.txt")
+# the causalities whose variables have a start value
+STARTED = ("input", "parameter")
 # the same for all FMUs, so that equal contents give equal files
 DATE = "1980-01-01T00:00:00Z"
 
@@ -171,7 +175,9 @@ def _scalar_variable(
     for key, bound in (("min", v.minimum), ("max", v.maximum)):
         if bound is not None:
             value.set(key, repr(bound))
-    if v.causality != "output":
+    if size := nominal(v):
+        value.set("nominal", size)
+    if v.causality in STARTED:
         value.set("start", start_value(start))
     if note := annotation(v, name):
         tool = etree.SubElement(
@@ -185,6 +191,12 @@ def units_of(v: Variable) -> dict[str, str]:
     return {"unit": v.unit} | (
         {"displayUnit": DISPLAY[v.unit]} if v.unit in DISPLAY else {}
     )
+
+
+def nominal(v: Variable) -> str:
+    """Return the usual size of a Real for XML; empty where it is not known."""
+    size = max(map(abs, v.usual), default=0.0) if v.usual else 0.0
+    return repr(float(size)) if v.type == "Real" and 0.0 < size < inf else ""
 
 
 def start_value(x: Scalar) -> str:
@@ -203,7 +215,8 @@ def common(v: Variable) -> dict[str, str]:
         if v.type == "Real"
         else "discrete",
     }
-    return attributes | ({"initial": "calculated"} if v.causality == "output" else {})
+    computed = v.causality not in STARTED
+    return attributes | ({"initial": "calculated"} if computed else {})
 
 
 def annotation(v: Variable, name: str) -> dict[str, str]:
@@ -234,10 +247,21 @@ def describe(v: Variable) -> str:
 
 
 def made_by(root: Any, block: type[Block]) -> None:
-    """Add author and license to the FMU of a block of the project only."""
-    if block.__module__.startswith("desat.components."):
+    """Add author and license to the FMU of a block or loop of the project only."""
+    if _is_ours(block):
         root.set("author", "the desat authors")
         root.set("license", "MIT")
+
+
+def licence(block: type[Block]) -> dict[str, bytes]:
+    """Return the member of an FMU with its license, for one of the project only."""
+    member = "documentation/licenses/license.txt"
+    return {member: LICENCE.read_bytes()} if _is_ours(block) else {}
+
+
+def _is_ours(block: type[Block]) -> bool:
+    """Return whether a block is of the project, or made of its blocks."""
+    return block.__module__.startswith(("desat.components.", "desat.export."))
 
 
 def unit_definitions(root: Any, block: type[Block]) -> None:

@@ -21,12 +21,14 @@ from .description import (
     DATE,
     NATIVE_TOOL,
     ONE_SECOND,
+    STARTED,
     TOOL,
     annotation,
     common,
     default_experiment,
     log_categories,
     made_by,
+    nominal,
     start_value,
     title,
     unit_definitions,
@@ -173,11 +175,12 @@ def _variable(parent: Any, v: Variable, reference: int) -> None:
         attributes["declaredType"] = v.name
     if v.type == "Real":
         attributes |= units_of(v)
+        attributes |= {"nominal": nominal(v)} if nominal(v) else {}
     if not v.choices:
         for key, bound in (("min", v.minimum), ("max", v.maximum)):
             if bound is not None:
                 attributes[key] = repr(bound)
-    if v.causality != "output":
+    if v.causality in STARTED:
         attributes["start"] = " ".join(map(start_value, v.flat_start()))
     element = etree.SubElement(
         parent, "Enumeration" if v.choices else _TYPE[v.type], attributes

@@ -17,7 +17,7 @@ import sys
 import tempfile
 import uuid
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
@@ -25,7 +25,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from .compiler import compiler, zig
-from .description import DATE, ICON, documentation, model_description
+from .description import DATE, ICON, documentation, licence, model_description
 from .own import identifier
 from .registry import block_class
 from .translate.program import translate
@@ -297,7 +297,8 @@ def build(
     )
     dist.mkdir(parents=True, exist_ok=True)
     page = documentation(block, name)
-    return assemble(files, name, described, page, shared, dist / f"{name}.fmu", targets)
+    file, further = dist / f"{name}.fmu", licence(block)
+    return assemble(files, name, described, page, shared, file, targets, further)
 
 
 def assemble(
@@ -308,6 +309,7 @@ def assemble(
     shared: Path,
     file: Path,
     targets: Sequence[Target] = (HERE_ALONE,),
+    further: Mapping[str, bytes] | None = None,
 ) -> Path:
     """Compile and pack a native FMU and return its path.
 
@@ -327,6 +329,8 @@ def assemble(
         Path of the FMU.
     targets
         Platforms to compile for.
+    further
+        Further members of the archive.
 
     Raises
     ------
@@ -342,6 +346,7 @@ def assemble(
     members = {
         "modelDescription.xml": described,
         "documentation/index.html": page.encode(),
+        **(further or {}),
         "model.png": ICON.read_bytes(),
         **{member: universal(binaries) for member, binaries in by_platform.items()},
         **{f"sources/{file}": text.encode() for file, text in files.items()},

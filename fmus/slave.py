@@ -50,6 +50,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         self._scalars = self._block.scalars()
         self._phase = _INSTANTIATED
         self._time = 0.0
+        self._stop = math.inf
         self._unstarted = False  # start() has failed, and nothing else
         self._stale = False  # inputs or parameters changed since the last start()
         # the last selection read and written of each type: masters repeat themselves
@@ -74,11 +75,19 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     def setup_experiment(
         self, start_time: float, stop_time: Any, tolerance: Any
     ) -> None:
-        """Set the start time (s)."""
+        """Set the start and stop time (s); None: there is no stop."""
         if self._phase != _INSTANTIATED:
             self._fail("set up the experiment", RuntimeError("it has begun"))
             return
-        self._time = start_time
+        stop = math.inf if stop_time is None else stop_time
+        if not math.isfinite(start_time):
+            reason = f"a start at t = {start_time} s"
+        elif not start_time <= stop:
+            reason = f"a stop at t = {stop} s, with a start at t = {start_time} s"
+        else:
+            self._time, self._stop = start_time, stop
+            return
+        self._fail("set up the experiment", RuntimeError(reason))
 
     def enter_initialization_mode(self) -> None:
         """Enter initialisation mode."""
@@ -134,6 +143,11 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
                 raise RuntimeError(
                     f"a step from t = {current_time} s, but it is {self._time} s"
                 )
+            if current_time + step_size > self._stop + 1e-6 * step_size:
+                raise RuntimeError(
+                    f"a step to t = {current_time + step_size} s, beyond the stop at t = "
+                    f"{self._stop} s"
+                )
             block = self._block
             block.advance(current_time, step_size)
             self._time = end = current_time + step_size
@@ -176,7 +190,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         return str(variable.elements()[index or 0])
 
     def _set(self, vrs: list[int], values: list[Any], kind: str) -> None:
-        """Write values; log an error for an output, nan, or a fixed parameter."""
+        """Write values; log an error for an output, no number, or a fixed parameter."""
         try:
             known, access, parameter = self._writing[kind]
             if vrs != known:
@@ -188,8 +202,8 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
                     )
                 self._writing[kind] = _, access, parameter = self._select(vrs, kind)
             for vr, value in zip(vrs, values, strict=True) if kind == "Real" else ():
-                if value != value:
-                    raise ValueError(f"{self._name_of(vr)}: nan is no number")
+                if not math.isfinite(value):
+                    raise ValueError(f"{self._name_of(vr)}: {value} is no number")
             if parameter and self._phase >= _STEPPING:
                 names = ", ".join(
                     dict.fromkeys(self._scalars[vr][0].name for vr in vrs)

@@ -28,7 +28,7 @@ from test_native import OUT_OF_ORDER
 from desat.files import library, paths
 from desat.files.fmu import of_fmu
 from desat.fmus import build, interfaces, registry
-from desat.fmus.description import ICON
+from desat.fmus.description import ICON, LICENCE
 from desat.system import interface
 from desat.system.interface import KINDS
 
@@ -552,3 +552,12 @@ def test_pointers_hold():
     assert array.tolist() == i.get("b_eci")
     assert KINDS[0] == "Real"
     i.free()
+
+
+def test_an_fmu_has_the_license_of_the_project():
+    """In the copy that a wheel has; a block of a user's own has none of ours."""
+    licence = (ROOT / "LICENSE").read_bytes()
+    assert LICENCE.read_bytes() == licence
+    for kind in ("", "native/", "fmi3/"):
+        with zipfile.ZipFile(paths.fmus() / f"{kind}torquers.fmu") as archive:
+            assert archive.read("documentation/licenses/license.txt") == licence

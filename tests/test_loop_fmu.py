@@ -22,6 +22,7 @@ from desat.fmus import native
 from desat.fmus.compiler import compiler
 from desat.runs.prepare import prepare
 from desat.runs.run import Options, Run, execute
+from desat.system.errors import DesatError
 from desat.system.interface import base_name
 
 HERE = Path(__file__).parent
@@ -409,3 +410,25 @@ def test_each_output_says_of_which_time_it_is(desat, tmp_path):
     )
     page = (ROOT / "docs/loop-fmu.md").read_text()
     assert page.index("attitudes that are one step apart") < page.index("| option |")
+
+
+@pytest.mark.parametrize("third", [False, True])
+def test_a_loop_of_reals_alone_has_no_other_output(tmp_path, third):
+    """For hosts that know no other type; what is named and no Real is refused."""
+    options = short("nadir_day/day-dipole", 60)
+    ends = LoopEnds(["wheels.*"], reals=True)
+    path = export("nadir_day/day-dipole", options, ends, tmp_path / "a.fmu", "", third)
+    assert validate_fmu(str(path)) == []
+    outputs = [
+        v
+        for v in fmpy.read_model_description(path).modelVariables
+        if v.causality == "output"
+    ]
+    assert {v.type for v in outputs} == {"Float64" if third else "Real"}
+    assert any(v.name.startswith("wheels.h_wheel") for v in outputs)
+    for ends, message in (
+        (LoopEnds(["wheels.failed_wheel"], reals=True), "wheels.failed_wheel is of type"),
+        (LoopEnds(without=["manager"], reals=True), "which --without makes an output"),
+    ):
+        with pytest.raises(DesatError, match=f"--reals: .*{message}"):
+            export("nadir_day/day-dipole", options, ends, tmp_path / "b.fmu")

@@ -79,8 +79,8 @@ class Pair:
         for v in self.block.variables:
             if v.causality in causalities:
                 value = getattr(self.block, v.name)
-                if (
-                    value != value
+                if isinstance(value, float) and not math.isfinite(
+                    value
                 ):  # which only the block's own arithmetic could give it
                     self.poke(self.references[v.name][0], value)
                     continue
@@ -404,8 +404,46 @@ OUT_OF_ORDER = {
         lambda fmu, of: fmu.setReal([of["m_cmd_body"] + 1], [math.nan]),
         "set Real: ValueError: m_cmd_body[2]: nan is no number",
     ),
+    "infinity": (
+        lambda fmu, of: fmu.setReal([of["m_cmd_body"] + 1], [-math.inf]),
+        "set Real: ValueError: m_cmd_body[2]: -inf is no number",
+    ),
 }
 """What FMI forbids while a simulation runs, and what an FMU of ours says."""
+
+
+TIMES = {
+    "a start at t = nan s": (math.nan, None),
+    "a start at t = inf s": (math.inf, None),
+    "a stop at t = 1.0 s, with a start at t = 2.0 s": (2.0, 1.0),
+    "a stop at t = nan s, with a start at t = 0.0 s": (0.0, math.nan),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("message", TIMES)
+def test_times_that_cannot_be_are_refused(kind, message):
+    i = Pair(path("torquers", kind), registry.block_class("torquers")())
+    start, stop = TIMES[message]
+    with contextlib.suppress(fmpy.fmi1.FMICallException):
+        i.fmu.setupExperiment(startTime=start, stopTime=stop)
+    assert i.messages[-1].endswith(f"set up the experiment: RuntimeError: {message}")
+    i.free()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_step_goes_beyond_the_stop(kind):
+    """But for rounding; after a reset there is no stop."""
+    i = Pair(path("torquers", kind), registry.block_class("torquers")())
+    i.fmu.setupExperiment(startTime=0.0, stopTime=0.3)
+    i.fmu.enterInitializationMode()
+    i.fmu.exitInitializationMode()
+    for k in range(3):
+        i.fmu.doStep(0.1 * k, 0.1)
+    with pytest.raises(fmpy.fmi1.FMICallException):
+        i.fmu.doStep(0.1 * 3, 0.1)
+    assert "s, beyond the stop at t = 0.3 s" in i.messages[-1]
+    i.free()
 
 
 def test_wrong_calls_are_answered():

@@ -75,7 +75,7 @@ class Variable:
     """Declared variable: a scalar, or an array of scalars of one type and unit."""
 
     name: str
-    causality: Literal["input", "output", "parameter"]
+    causality: Literal["input", "output", "parameter", "local"]
     type: Literal["Real", "Integer", "Boolean"]
     shape: tuple[int, ...]
     unit: str

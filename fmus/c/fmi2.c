@@ -113,6 +113,7 @@ static void fmi2_begin(fmi2_instance *c)
     *(const char **)c->self = c->key;
     memset(&c->now, 0, sizeof c->now);
     c->now.phase = FMI2_INSTANTIATED;
+    c->stop = INFINITY;
 }
 
 /* the instance's name; of a path, as Ecos gives, the file's stem */
@@ -208,11 +209,26 @@ FMI2_EXPORT fmi2Status fmi2SetupExperiment(fmi2Component p, fmi2Boolean with_tol
                                       fmi2Real stop)
 {
     fmi2_instance *c = p;
-    (void)with_tolerance, (void)tolerance, (void)with_stop, (void)stop;
+    char text[120];
+    (void)with_tolerance, (void)tolerance;
     if (c == NULL) return fmi2Error;
     if (c->now.phase != FMI2_INSTANTIATED)
         return fmi2_fail(c, "set up the experiment", "RuntimeError", "it has begun");
+    if (!isfinite(start) || (with_stop && !(start <= stop))) {
+        py_text_begin();
+        py_text(isfinite(start) ? "a stop at t = " : "a start at t = ");
+        py_text_float(isfinite(start) ? stop : start);
+        py_text(" s");
+        if (isfinite(start)) {
+            py_text(", with a start at t = ");
+            py_text_float(start);
+            py_text(" s");
+        }
+        snprintf(text, sizeof text, "%s", py_text_end());
+        return fmi2_fail(c, "set up the experiment", "RuntimeError", text);
+    }
     c->now.time = start;
+    c->stop = with_stop ? stop : INFINITY;
     return fmi2OK;
 }
 
@@ -280,6 +296,15 @@ FMI2_EXPORT fmi2Status fmi2DoStep(fmi2Component p, fmi2Real t, fmi2Real dt, fmi2
             py_text_float(t);
             py_text(" s, but it is ");
             py_text_float(c->now.time);
+            py_text(" s");
+            py_raise(PY_RUNTIME_ERROR, py_text_end());
+        }
+        if (t + dt > c->stop + 1e-6 * dt) {
+            py_text_begin();
+            py_text("a step to t = ");
+            py_text_float(t + dt);
+            py_text(" s, beyond the stop at t = ");
+            py_text_float(c->stop);
             py_text(" s");
             py_raise(PY_RUNTIME_ERROR, py_text_end());
         }
@@ -373,8 +398,10 @@ static fmi2Status fmi2_output_set(fmi2_instance *c, char kind, const fmi2ValueRe
         for (size_t k = 0; k < n; k++) {                                                            \
             if (PY_RARE(vr[k] >= count || at[vr[k]].kind != KIND))                                  \
                 return fmi2_not_there(c, "set", KIND, vr[k]);                                       \
-            if (PY_RARE(value[k] != value[k]))                                                      \
-                return fmi2_not_set(c, KIND, vr[k], "nan is no number");                            \
+            if (PY_RARE(value[k] - value[k] != 0))                                                  \
+                return fmi2_not_set(c, KIND, vr[k], value[k] != value[k] ? "nan is no number"       \
+                                                    : value[k] > 0 ? "inf is no number"             \
+                                                    : "-inf is no number");                         \
             fixed |= at[vr[k]].fixed;                                                               \
         }                                                                                           \
         if (PY_RARE(fixed & FMI2_OUTPUT)) return fmi2_output_set(c, KIND, vr, n);                   \

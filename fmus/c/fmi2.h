@@ -59,6 +59,7 @@ typedef struct {
     fmi2_place *places; /* by value reference */
     char *name; /* as given */
     char *key;  /* by which noise is keyed */
+    double stop; /* no step goes beyond it; infinity where none was set */
     fmi2CallbackFunctions call;
 } fmi2_instance;
 

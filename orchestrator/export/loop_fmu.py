@@ -14,7 +14,12 @@ from pathlib import Path
 from desat.components.contract.block import Block, Scalar, Variable
 from desat.fmus import fmi3, native
 from desat.fmus.compiler import NoCompilerError
-from desat.fmus.description import DATE, documentation, model_description
+from desat.fmus.description import (
+    DATE,
+    documentation,
+    licence,
+    model_description,
+)
 
 from ..engine.master import Master
 from ..files import io
@@ -41,6 +46,7 @@ class LoopEnds:
     parameters: Sequence[str] = ()  # also `shared.NAME`, in all components that have it
     # omitted components: their outputs become inputs, their inputs outputs
     without: Sequence[str] = field(default=())
+    reals: bool = False  # Real outputs alone, for hosts that know no other type
 
 
 def export(
@@ -182,7 +188,14 @@ def _archive(
             page = documentation(block, identifier)
             archive = Path(shared) / "loop.fmu"
             native.assemble(
-                files, identifier, described(guid), page, Path(shared), archive, targets
+                files,
+                identifier,
+                described(guid),
+                page,
+                Path(shared),
+                archive,
+                targets,
+                licence(block),
             )
             if third:
                 archive = fmi3.repack(
@@ -230,7 +243,10 @@ def _block(
     )
     loop: type[Block] = type("Loop", (Block,), {"__doc__": doc})
     inputs = tuple(v.name for v in variables if v.causality == "input")
-    loop.variables = (*loop.variables, *(_declared(v, inputs, on) for v in variables))
+    always = loop.variables
+    if ends.reals:  # `fault` is still there, for hosts that read what is local
+        always = tuple(replace(v, causality="local") for v in always)
+    loop.variables = (*always, *(_declared(v, inputs, on) for v in variables))
     return loop
 
 
@@ -282,7 +298,19 @@ def _outputs_of(system: System, ends: LoopEnds) -> list[tuple[str, Signal]]:
         )
         names = [n for n in plotted if n.partition(".")[0] in system.components]
         names = [n for n in names if n.partition(".")[0] not in ends.without]
-    return _matching(system, names, "output", "--outputs", ends.without)
+    found = _matching(system, names, "output", "--outputs", ends.without)
+    if not ends.reals:
+        return found
+    named = {n for n in ends.outputs if not set(n) & set("*?[")}
+    for component, signal in found:
+        if signal.kind != "Real" and f"{component}.{signal.array}" in named:
+            raise DesatError(
+                f"--reals: {component}.{signal.array} is of type {signal.kind}"
+            )
+    found = [(name, signal) for name, signal in found if signal.kind == "Real"]
+    if not found:
+        raise DesatError(f"--reals: {system.name} has no Real among these outputs")
+    return found
 
 
 def _matching(
@@ -340,6 +368,12 @@ def _variables(
         taken += [
             (name, signals[c.input]) for of in member.incoming.values() for _, c in of
         ]
+    for name, signal in taken if ends.reals else ():
+        if signal.kind != "Real":
+            raise DesatError(
+                f"--reals: {name}.{signal.array}, which --without makes an output, is of "
+                f"type {signal.kind}"
+            )
     open_ = _matching(system, ends.inputs, "input", "--inputs", ends.without)
     for name, signal in open_:
         if (name, signal.name) in fed:

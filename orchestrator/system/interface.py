@@ -214,6 +214,7 @@ def of_block(name: str, block: type[Block]) -> Interface:
                 choices=v.choices,
                 output_class="interval" if v.interval else "state",
                 initial=v.initial,
+                settable=v.causality in ("input", "parameter"),
                 mean=v.mean,
                 slope=element.replace(v.name, v.slope, 1) if v.slope else "",
                 shared=v.shared,

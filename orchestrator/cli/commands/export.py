@@ -86,6 +86,12 @@ def fmu(
     accuracy: o.Accuracy = None,
     platforms: o.Platforms = "",
     fmi: o.Fmi = "2",
+    reals: Annotated[
+        bool,
+        typer.Option(
+            "--reals", help="Real outputs alone, for hosts that know no other type."
+        ),
+    ] = False,
     as_json: o.Json = False,
 ) -> None:
     """Write the loop of a scenario as one native FMU, with the same bits as
@@ -104,7 +110,7 @@ def fmu(
         substeps=substeps,
         accuracy=accuracy,
     )
-    ends = LoopEnds(outputs or (), inputs or (), parameters or (), without or ())
+    ends = LoopEnds(outputs or (), inputs or (), parameters or (), without or (), reals)
     path = export(target, options, ends, file, platforms, third=fmi == "3")
     if as_json:
         print_json({"fmu": str(path)})

@@ -204,7 +204,7 @@ class FmuInstance:
         into: dict[Kind, Array],
         clock: Clock,
     ) -> None:
-        self.inputs = {k: blank(k, len(inputs[k])) for k in MOVED_KINDS if inputs[k]}
+        self.inputs = {k: blank(k, len(inputs[k])) for k in MOVED_KINDS if inputs.get(k)}
         self._keep: list[Any] = [self.inputs, into]  # the calls hold bare addresses
         self._clock = clock
         self.prepared = {
@@ -258,7 +258,7 @@ class FmuInstance:
         """Prepare the transfer of all values, one for each type that occurs."""
         transfers = []
         for kind in MOVED_KINDS:
-            if signals[kind]:
+            if signals.get(kind):
                 calls = self._moved(way, signals[kind], arrays[kind])
                 data, places = arrays[kind].ctypes.data, self._places(signals[kind])
                 transfers.append(Moves(calls, kind[0], data, places))

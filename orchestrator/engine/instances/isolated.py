@@ -101,8 +101,8 @@ class IsolatedInstance:
         clock: Clock,
     ) -> None:
         self.inputs, self._clock = self._shared.arrays(inputs, 0), clock
-        self._texts = into["String"] if outputs["String"] else None
-        if inputs["String"]:
+        self._texts = into["String"] if outputs.get("String") else None
+        if inputs.get("String"):
             self.inputs["String"] = blank("String", len(inputs["String"]))
         self._moves = [
             (into[k], values) for k, values in self._shared.arrays(outputs, 1).items()
@@ -409,7 +409,7 @@ class _There:
         into = {k: np.zeros(0, DTYPE[k]) for k in KINDS} | self._shared.arrays(
             outputs, 1
         )
-        into["String"] = self._texts = blank("String", len(outputs["String"]))
+        into["String"] = self._texts = blank("String", len(outputs.get("String", ())))
         self._instance.wire(inputs, outputs, into, self._clock)
         theirs = self._shared.arrays(inputs, 0)
         mine = self._instance.inputs
