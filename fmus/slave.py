@@ -17,7 +17,9 @@ from __future__ import annotations
 
 import json
 import math
+import struct
 import sys
+from pathlib import Path
 from typing import Any, ClassVar
 
 from pythonfmu.enums import Fmi2Status
@@ -51,12 +53,27 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         self._phase = _INSTANTIATED
         self._time = 0.0
         self._stop = math.inf
+        self._set_starts()
         self._unstarted = False  # start() has failed, and nothing else
         self._stale = False  # inputs or parameters changed since the last start()
         # the last selection read and written of each type: masters repeat themselves
         nothing: _Selection = ([], self._block.access([]), False)
         self._reading = {"Real": nothing, "Integer": nothing, "Boolean": nothing}
         self._writing = dict(self._reading)
+
+    def _set_starts(self) -> None:
+        """Set the start values of a copy (`fmus/starts.py`), which are in a file."""
+        try:
+            text = Path(self.resources, "start.txt").read_text(encoding="utf-8")
+        except (OSError, TypeError):  # there is none
+            return
+        for line in text.splitlines()[3:]:
+            kind, reference, number = line.split()
+            value: Any = int(number, 16 if kind == "R" else 10)
+            if kind == "R":  # the bits of the number
+                (value,) = struct.unpack(">d", value.to_bytes(8, "big"))
+            value = bool(value) if kind == "B" else value
+            self._block.access([int(reference)]).write([value])
 
     def model_identifier(self) -> str:
         """Return the FMU's name; the entry script overrides it."""

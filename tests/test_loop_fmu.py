@@ -427,7 +427,10 @@ def test_a_loop_of_reals_alone_has_no_other_output(tmp_path, third):
     assert {v.type for v in outputs} == {"Float64" if third else "Real"}
     assert any(v.name.startswith("wheels.h_wheel") for v in outputs)
     for ends, message in (
-        (LoopEnds(["wheels.failed_wheel"], reals=True), "wheels.failed_wheel is of type"),
+        (
+            LoopEnds(["wheels.failed_wheel"], reals=True),
+            "wheels.failed_wheel is of type",
+        ),
         (LoopEnds(without=["manager"], reals=True), "which --without makes an output"),
     ):
         with pytest.raises(DesatError, match=f"--reals: .*{message}"):

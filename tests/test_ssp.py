@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import zipfile
 from dataclasses import replace
 from pathlib import Path
 
+import fmpy
 import numpy as np
 import pytest
 from conftest import ROOT, one_of_each_craft
+from fmpy.fmi2 import FMU2Slave
 from lxml import etree
 
 from desat.export.packing import pack, pack_scenario
-from desat.files import io, paths, scenario, ssp
+from desat.files import io, library, paths, scenario, ssp
 from desat.files.scenario import families, find, scenarios
 from desat.files.xml import parse_bytes, validate
-from desat.runs.prepare import read
+from desat.runs.prepare import prepare, read
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
 
@@ -305,3 +308,104 @@ def test_make_demo_and_make_ssp_pack_what_is_needed():
         "demo": [".venv/bin/desat pack uosat12/table3-ocdc-ilqr-1"],
         "ssp": [],
     }
+
+
+# --- hosts that read no parameter set -------------------------------------------------
+
+
+def rewritten(source: Path, target: Path, change) -> Path:
+    """A copy of an archive; `change` maps name and data of a member, None leaves it out."""
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w") as new:
+        for entry in old.infolist():
+            data = change(entry.filename, old.read(entry))
+            if data is not None:
+                new.writestr(entry, data)
+    return target
+
+
+def without_sets(name: str, data: bytes) -> bytes | None:
+    bindings = rb"<ssd:ParameterBindings>.*?</ssd:ParameterBindings>"
+    if name.endswith(".ssv"):
+        return None
+    return re.sub(bindings, b"", data, flags=re.DOTALL) if name.endswith("d") else data
+
+
+@pytest.mark.parametrize(
+    ("fmus", "arrays"), [("python", False), ("native", False), ("native", True)]
+)
+def test_a_packed_system_needs_no_parameter_sets(tmp_path, fmus, arrays):
+    """Its FMUs start with the scenario's values: the same bits without its .ssv; and
+    they are ours, which run in this process."""
+    name = "nadir_day/day-dipole"
+    options = Options(stop=100.0)
+    expected = execute(name, options).results
+    packed = pack_scenario(find(name), tmp_path / "a.ssp", True, fmus, arrays=arrays)
+    bare = rewritten(packed, tmp_path / "b.ssp", without_sets)
+    for path in (packed, bare):
+        run = execute(str(path), options)
+        assert [c.fmu.ours for c in run_components(path)] == [True] * 11
+        for series in expected.names():
+            assert (
+                run.results.values(series).tobytes()
+                == expected.values(series).tobytes()
+            ), series
+
+
+def run_components(path: Path):
+    system, _ = prepare(str(path), Options(stop=100.0)).or_raise()
+    return system.components.values()
+
+
+def test_a_copy_that_differs_in_more_than_its_values_is_foreign(tmp_path):
+    packed = pack_scenario(
+        find("nadir_day/day-dipole"), tmp_path / "a.ssp", True, "native"
+    )
+    with zipfile.ZipFile(packed) as archive:
+        fmu = tmp_path / "wheels.fmu"
+        fmu.write_bytes(archive.read("resources/wheels.fmu"))
+    assert library.load(fmu).ours
+    changes = {
+        "resources/start.txt": lambda data: data + b"R 1 3ff0000000000000\n",
+        "modelDescription.xml": lambda data: data.replace(b"wheels", b"wheals", 1),
+        "sources/wheels.c": lambda data: data + b" ",
+        "binaries/linux64/wheels.so": lambda data: data[:-1],
+    }
+    for member, change in changes.items():
+        other = rewritten(
+            fmu,
+            tmp_path / f"{member.replace('/', '-')}.fmu",
+            lambda name, data, member=member, change=change: (
+                change(data) if name == member else data
+            ),
+        )
+        assert not library.load(other).ours, member
+
+
+def test_a_copy_starts_anew_with_its_values(tmp_path):
+    """By fmpy: after instantiation and after a reset, native and of Python."""
+    for kind in ("native", "python"):
+        packed = pack_scenario(
+            find("nadir_day/day-dipole"), tmp_path / f"{kind}.ssp", True, kind
+        )
+        with zipfile.ZipFile(packed) as archive:
+            fmu = tmp_path / f"{kind}.fmu"
+            fmu.write_bytes(archive.read("resources/torquers.fmu"))
+        description = fmpy.read_model_description(fmu)
+        starts = {
+            v.valueReference: float(v.start)
+            for v in description.modelVariables
+            if v.type == "Real" and v.causality == "parameter"
+        }
+        own = fmpy.read_model_description(library.our_file("torquers.fmu", kind))
+        assert description.guid != own.guid
+        slave = FMU2Slave(
+            guid=description.guid,
+            unzipDirectory=str(library.extract(fmu)),
+            modelIdentifier="torquers",
+            instanceName="torquers",
+        )
+        slave.instantiate()
+        assert slave.getReal(list(starts)) == list(starts.values())
+        slave.reset()
+        assert slave.getReal(list(starts)) == list(starts.values())
+        slave.freeInstance()

@@ -106,10 +106,76 @@ static void fmi2_refresh(fmi2_instance *c, bool ends)
     }
 }
 
+/* the path of the file of start values in the folder of the resources, a URI or a path */
+static bool fmi2_start_file(const char *resources, char *path, size_t room)
+{
+    const char *const file = "/start.txt";
+    size_t n = 0;
+    const bool uri = strncmp(resources, "file:", 5) == 0;
+    if (uri) {
+        resources += 5;
+        if (strncmp(resources, "//", 2) == 0) resources += 2;
+        if (strncmp(resources, "localhost/", 10) == 0) resources += 9;
+#ifdef _WIN32
+        if (*resources == '/') resources++; /* /C:/... */
+#endif
+    }
+    for (const char *p = resources; *p && n + 1 < room; p++) {
+        unsigned code;
+        if (uri && *p == '%' && sscanf(p + 1, "%2x", &code) == 1) path[n++] = (char)code, p += 2;
+        else path[n++] = *p;
+    }
+    while (n > 0 && path[n - 1] == '/') n--;
+    if (n + strlen(file) + 1 > room) return false;
+    memcpy(path + n, file, strlen(file) + 1);
+    return true;
+}
+
+/* read the start values of a copy; its guid is compared with that given */
+static bool fmi2_read_starts(fmi2_instance *c, const char *resources, const char *guid)
+{
+    char path[4096], line[512];
+    bool known = false;
+    size_t room = 0;
+    FILE *file;
+    if (resources == NULL || !fmi2_start_file(resources, path, sizeof path)) return false;
+    if ((file = fopen(path, "r")) == NULL) return false;
+    while (fgets(line, sizeof line, file) != NULL) {
+        unsigned reference;
+        int at = 0;
+        line[strcspn(line, "\r\n")] = 0;
+        if (strncmp(line, "guid ", 5) == 0) known = strcmp(line + 5, guid) == 0;
+        if (!known || sscanf(line + 1, " %u %n", &reference, &at) < 1 || at == 0) continue;
+        if (strchr("RIB", line[0]) == NULL || reference >= fmi2_block->count
+            || c->places[reference].kind != line[0])
+            continue;
+        if (c->start_count == room) {
+            struct fmi2_start *more = realloc(c->starts, (room += 64) * sizeof *more);
+            if (more == NULL) break;
+            c->starts = more;
+        }
+        c->starts[c->start_count] = (struct fmi2_start){ reference, 0.0 };
+        if (line[0] == 'R') {
+            const uint64_t bits = strtoull(line + 1 + at, NULL, 16);
+            memcpy(&c->starts[c->start_count].value, &bits, sizeof bits);
+        } else c->starts[c->start_count].value = (double)strtoll(line + 1 + at, NULL, 10);
+        c->start_count++;
+    }
+    fclose(file);
+    return known;
+}
+
 static void fmi2_begin(fmi2_instance *c)
 {
     memset(c->self, 0, fmi2_whole());
     memcpy(c->self, fmi2_block->at_start, fmi2_block->size);
+    for (size_t k = 0; k < c->start_count; k++) {
+        const fmi2_place *at = c->places + c->starts[k].reference;
+        void *value = (char *)c->self + at->offset;
+        if (at->kind == 'R') *(double *)value = c->starts[k].value;
+        else if (at->kind == 'I') *(int64_t *)value = (int64_t)c->starts[k].value;
+        else *(bool *)value = c->starts[k].value != 0.0;
+    }
     *(const char **)c->self = c->key;
     memset(&c->now, 0, sizeof c->now);
     c->now.phase = FMI2_INSTANTIATED;
@@ -165,6 +231,7 @@ FMI2_EXPORT void fmi2FreeInstance(fmi2Component p)
     if (c == NULL) return;
     free(c->self);
     free(c->places);
+    free(c->starts);
     free(c->name);
     free(c->key);
     free(c);
@@ -175,7 +242,7 @@ FMI2_EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2St
                                      fmi2Boolean visible, fmi2Boolean logging)
 {
     fmi2_instance *c = calloc(1, sizeof *c);
-    (void)resources, (void)visible, (void)logging;
+    (void)visible, (void)logging;
     if (c == NULL) return NULL;
     if (call != NULL) c->call = *call;
     name = name != NULL ? name : "";
@@ -194,7 +261,8 @@ FMI2_EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2St
                                 : v->causality == 'o' ? FMI2_OUTPUT : 0, fmi2_elements(k) };
     }
     strcpy(c->name, name);
-    if (type != fmi2CoSimulation || guid == NULL || strcmp(guid, fmi2_block->guid) != 0) {
+    if (type != fmi2CoSimulation || guid == NULL
+        || (strcmp(guid, fmi2_block->guid) != 0 && !fmi2_read_starts(c, resources, guid))) {
         fmi2_say(c, fmi2Error, type != fmi2CoSimulation ? "it is for co-simulation only"
                                                    : "the guid is that of another FMU");
         fmi2FreeInstance(c);

@@ -53,6 +53,12 @@ typedef struct {
     uint16_t count; /* elements of the array that begins here: 0 within one, 1 of a scalar */
 } fmi2_place;
 
+/* start value of a scalar, of a copy of an FMU (fmus/starts.py) */
+struct fmi2_start {
+    uint32_t reference;
+    double value;
+};
+
 typedef struct {
     fmi2_progress now;
     void *self; /* the block */
@@ -60,6 +66,8 @@ typedef struct {
     char *name; /* as given */
     char *key;  /* by which noise is keyed */
     double stop; /* no step goes beyond it; infinity where none was set */
+    struct fmi2_start *starts; /* start values of a file of the resources */
+    size_t start_count;
     fmi2CallbackFunctions call;
 } fmi2_instance;
 

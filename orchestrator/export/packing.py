@@ -18,6 +18,7 @@ from xml.sax.saxutils import quoteattr
 from lxml import etree
 
 from desat.components.contract.roles import ECI
+from desat.fmus import starts
 
 from ..files import craft, library, paths, ssp
 from ..files.builder import Builder
@@ -26,7 +27,7 @@ from ..files.scenario import ROOT, Scenario, families
 from ..files.ssp import ABOUT, FILE, OMS, OSP, SSC, SSD, SSV
 from ..system.errors import DesatError, nearest
 from ..system.interface import Signal, base_name
-from ..system.model import Component, Connection, System
+from ..system.model import Component, Connection, Fmu, System
 
 
 def pack_scenario(
@@ -158,7 +159,7 @@ def pack(
         # the instance.
         source = f"resources/{component.name}.fmu"
         kind = "fmi3" if arrays else fmus
-        members[source] = library.of_kind(component.fmu, kind).path.read_bytes()
+        members[source] = _started(component, library.of_kind(component.fmu, kind))
         element = _sub(
             elements,
             "Component",
@@ -186,6 +187,25 @@ def pack(
         about = {**annotations, "substeps": system.substeps}
         members[ABOUT] = json.dumps(about, indent=1, sort_keys=True).encode()
     _write_archive(members, target)
+
+
+def _started(component: Component, fmu: Fmu) -> bytes:
+    """Return the file of a component's FMU, of ours with the scenario's start values.
+
+    Hosts that read no parameter set start it with them.
+    """
+    data = fmu.path.read_bytes()
+    if fmu.path.is_dir() or fmu.sha256 not in library.index():
+        return data
+    signals = component.interface.signals
+    values = [
+        starts.Start(signals[name].kind[0], signals[name].reference, value)
+        for name, value in component.parameters.items()
+    ]
+    if not values:
+        return data
+    members = starts.members_of(data)
+    return starts.pack(starts.with_starts(members, fmu.sha256, values))
 
 
 _Ends = tuple[tuple[str, str], tuple[str, str]]

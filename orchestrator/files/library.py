@@ -14,7 +14,9 @@ import shutil
 import sys
 import tempfile
 import time
+import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -22,7 +24,7 @@ from typing import Any
 import fmpy
 from filelock import FileLock, Timeout
 
-from desat.fmus import meaning, registry
+from desat.fmus import meaning, registry, starts
 
 from ..system.errors import DesatError, nearest, require
 from ..system.interface import Interface, interface_of_block
@@ -68,12 +70,48 @@ class FmuFile:
         return digest.hexdigest()
 
     @cached_property
+    def _copy(self) -> starts.Starts | None:
+        """Return its start values if it is a copy of one of ours with others.
+
+        All else has to be the same, byte by byte.
+        """
+        if self.path.is_dir() or self.sha256 in index():
+            return None
+        try:
+            with zipfile.ZipFile(self.path) as archive:
+                if starts.MEMBER not in archive.namelist():
+                    return None
+                found = starts.read(archive.read(starts.MEMBER).decode())
+                entry = index().get(found.origin)
+                if entry is None:
+                    return None
+                data = (paths.fmus() / entry["file"]).read_bytes()
+                expected = starts.with_starts(
+                    starts.members_of(data), found.origin, found.values
+                )
+                is_copy = sorted(archive.namelist()) == sorted(expected) and all(
+                    archive.read(name) == data for name, data in expected.items()
+                )
+                return found if is_copy else None
+        except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
+            return None
+
+    @cached_property
+    def origin(self) -> str:
+        """Return the sha256 of the FMU of ours that it is, but for start values.
+
+        That of any other FMU is its own.
+        """
+        return self.sha256 if self._copy is None else self._copy.origin
+
+    @cached_property
     def ours(self) -> bool:
         """Return whether we built it, byte by byte, from our or the user's own block.
 
-        A description may claim anything, so it is not consulted.
+        It may have other start values. A description may claim anything, so it is not
+        consulted.
         """
-        return self.sha256 in index() or own.folder_of(self.path) is not None
+        return self.origin in index() or own.folder_of(self.path) is not None
 
     @cached_property
     def folder(self) -> Path:
@@ -87,14 +125,15 @@ class FmuFile:
         For a block of ours that was built from the Python that is here, they are the
         block's: its description says the same.
         """
-        entry = {} if self.path.is_dir() else index().get(self.sha256, {})
+        entry = {} if self.path.is_dir() else index().get(self.origin, {})
         if entry.get("kind") in ("native", "python") and any(
             (e["name"], e["computes"]) == (entry["name"], entry["computes"])
             and meaning.is_as(e)
             for e in index().values()
             if e["kind"] == "python"
         ):
-            return interface_of_block(entry["name"])
+            found = interface_of_block(entry["name"])
+            return found if self._copy is None else _started(found, self._copy)
         return of_fmu(self.folder, self.path.name)
 
     def sized(self, sizes: Mapping[str, int]) -> Interface:
@@ -119,6 +158,18 @@ class FmuFile:
         """Return the platforms of its libraries, as its version of FMI names them."""
         folders = (p for p in (self.folder / "binaries").glob("*") if p.is_dir())
         return sorted(p.name for p in folders if any(q.is_file() for q in p.iterdir()))
+
+
+def _started(interface: Interface, copy: starts.Starts) -> Interface:
+    """Return an interface with the start values of a copy."""
+    values = {start.reference: start.value for start in copy.values}
+    return replace(
+        interface,
+        signals={
+            name: replace(s, start=values[s.reference]) if s.reference in values else s
+            for name, s in interface.signals.items()
+        },
+    )
 
 
 @cache
@@ -334,7 +385,7 @@ def computes(name: str, fmu: Fmu | None) -> str:
     its Python, the same for its native FMU, its Python FMU and the bare block.
     """
     if fmu is not None:
-        entry = index().get(fmu.sha256, {})
+        entry = index().get(fmu.origin, {})
         return (
             f"block {entry['computes']}"
             if "computes" in entry

@@ -93,6 +93,10 @@ class Fmu(Protocol):
     def interface(self) -> Interface:
         """Return its variables."""
 
+    @property
+    def origin(self) -> str:
+        """Return the sha256 of the FMU of ours that it is, but for start values."""
+
     def sized(self, sizes: Mapping[str, int]) -> Interface:
         """Return its variables where structural parameters have these values."""
 

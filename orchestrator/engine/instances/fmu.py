@@ -204,7 +204,9 @@ class FmuInstance:
         into: dict[Kind, Array],
         clock: Clock,
     ) -> None:
-        self.inputs = {k: blank(k, len(inputs[k])) for k in MOVED_KINDS if inputs.get(k)}
+        self.inputs = {
+            k: blank(k, len(inputs[k])) for k in MOVED_KINDS if inputs.get(k)
+        }
         self._keep: list[Any] = [self.inputs, into]  # the calls hold bare addresses
         self._clock = clock
         self.prepared = {
