@@ -3,6 +3,7 @@ harmless is a warning, and what would be lost is refused."""
 
 from __future__ import annotations
 
+import json
 import shutil
 import subprocess
 import sys
@@ -798,3 +799,34 @@ def test_a_matrix_is_wired_by_one_connection(typed, tmp_path):
     elements += component("b", connector("u", "input", "Float64", two))
     file = write(tmp_path, elements, wire("a.y", "b.u"), version="2.0")
     assert run(file).results.values("b.y")[-1].tolist() == [10.0, 20.0, 30.0, 0.0]
+
+
+# --- roles ----------------------------------------------------------------------------
+
+
+def test_check_says_which_roles_an_fmu_fits(typed, tmp_path, desat):
+    """Ours fits its own; a stranger's what its variables' names, sizes, units say."""
+    from desat.files import paths
+
+    done = desat("check", str(paths.fmus() / "native/manager_b_dot.fmu"))
+    assert "manager: fits; gives tau_cmd_wheel, m_cmd_body" in done.stdout
+    dipole = [
+        variable(f"m_cmd_body[{i}]", 16 + i, causality="output", unit="A.m2")
+        for i in (1, 2, 3)
+    ]
+    field = [variable(f"b_body[{i}]", i, unit="T") for i in (1, 2, 3)]
+    units = (
+        '<UnitDefinitions><Unit name="A.m2"/><Unit name="T"/><Unit name="m"/>'
+        "</UnitDefinitions>"
+    )
+    path = fmu(tmp_path / "a.fmu", typed, [*dipole, *field, variable("own", 5)], units)
+    done = desat("check", str(path))
+    [line] = [x for x in done.stdout.splitlines() if x.strip().startswith("manager:")]
+    assert "manager: fits in part; gives m_cmd_body; lacks tau_cmd_wheel" in line
+    assert line.endswith("has inputs of its own own")
+    wrong = [row.replace('unit="A.m2"', 'unit="m"') for row in dipole]
+    done = desat("check", str(fmu(tmp_path / "b.fmu", typed, wrong, units)))
+    assert "manager: does not fit" in done.stdout
+    assert "m_cmd_body (unit m, A.m2 is needed)" in " ".join(done.stdout.split())
+    [role] = json.loads(desat("check", str(path), "--json").stdout)["roles"]
+    assert role["outputs"] == ["m_cmd_body"]

@@ -495,10 +495,14 @@ def test_what_is_mistyped_is_answered_with_what_was_meant(
 def test_blocks_are_told(desat) -> None:
     every = json.loads(desat("help", "blocks", "--json", check=True).stdout)["rows"]
     assert {r["block"] for r in every} == set(registry.names())
-    managers = json.loads(
+    manager = json.loads(
         desat("help", "blocks", "manager", "--json", check=True).stdout
-    )["rows"]
-    assert {r["role"] for r in managers} == {"manager"}
+    )
+    assert "manager_b_dot: B-dot detumbling" in manager["text"]
+    variables = {r["name"]: r for r in manager["rows"]}
+    assert variables["b_body [3]"]["unit"] == "T"
+    assert variables["b_body [3]"]["frame"] == "body"
+    assert variables["b_body [3]"]["usually from"] == "magnetometer.b_body"
     one = json.loads(desat("help", "blocks", "wheels", "--json", check=True).stdout)
     rows = {r["name"]: r for r in one["rows"]}
     assert rows["torque_limit"]["unit"] == "N.m"

@@ -40,7 +40,11 @@ _INTEGERS = (
     "Enumeration",
 )
 # FMI type -> kind of signal; other types have the same name as their kind.
-_KINDS = {"Float32": "Real", "Float64": "Real", **dict.fromkeys(_INTEGERS, "Integer")}
+SIGNAL_KINDS = {
+    "Float32": "Real",
+    "Float64": "Real",
+    **dict.fromkeys(_INTEGERS, "Integer"),
+}
 
 
 def of_fmu(
@@ -340,7 +344,7 @@ def _signal(
     unit_name = v.unit or (declared.unit if declared else None) or ""
     least = v.min if v.min is not None else getattr(declared, "min", None)
     largest = v.max if v.max is not None else getattr(declared, "max", None)
-    kind = _KINDS.get(v.type, v.type)
+    kind = SIGNAL_KINDS.get(v.type, v.type)
     if v.type == "Enumeration" and declared and declared.items:
         values = [int(i.value) for i in declared.items]
         least, largest = min(values), max(values)

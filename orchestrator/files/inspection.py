@@ -6,16 +6,21 @@ Only its description is read.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import fmpy
 
+from desat.components.contract.block import Variable
+from desat.components.contract.units import conversion, unit_of
+
 from ..system.errors import DesatError, plain
-from ..system.interface import base_name
+from ..system.interface import base_name, role_classes
+from ..system.parameters import known_unit
 from . import library
-from .fmu import description_of, of_fmu, root_of, structure_faults
+from .fmu import SIGNAL_KINDS, description_of, of_fmu, root_of, structure_faults
 
 INDICES = re.compile(r"\[(\d+(?:,\d+)*)\]$")
 SUFFIX = ".fmu"
@@ -56,6 +61,38 @@ class InspectedVariable:
 
 
 @dataclass(frozen=True)
+class RoleFit:
+    """How an FMU fits one of our roles, by the names of its variables."""
+
+    role: str
+    outputs: tuple[str, ...]  # of the role, that it has
+    lacking: tuple[str, ...]  # outputs of the role that it lacks
+    misfits: tuple[str, ...]  # outputs and inputs of another type, size or unit
+    open_inputs: tuple[str, ...]  # inputs that the role does not have
+
+    @property
+    def fit(self) -> str:
+        """Return whether it can take the place of a block: fits, in part, or not.
+
+        In part means that it has some of the outputs, as a law without thrusters does.
+        """
+        if self.misfits or not self.outputs:
+            return "does not fit"
+        return "fits in part" if self.lacking else "fits"
+
+    def text(self) -> str:
+        """Describe the fit in a line."""
+        parts = [f"gives {', '.join(self.outputs)}"] if self.outputs else []
+        for heading, names in (
+            ("lacks", self.lacking),
+            ("does not fit in", self.misfits),
+            ("has inputs of its own", self.open_inputs),
+        ):
+            parts += [f"{heading} {', '.join(names)}"] if names else []
+        return f"{self.role}: {self.fit}; {'; '.join(parts)}"
+
+
+@dataclass(frozen=True)
 class InspectedFmu:
     """Findings about an FMU without loading its binary."""
 
@@ -67,6 +104,7 @@ class InspectedFmu:
     sha256: str
     ours: bool
     variables: tuple[InspectedVariable, ...]
+    roles: tuple[RoleFit, ...]  # those of whose outputs it has any
     problems: tuple[str, ...]  # violations of the standard, a line each
     warnings: tuple[str, ...]  # reasons why it would not run here, a line each
 
@@ -122,9 +160,62 @@ def inspect_fmu(path: Path) -> InspectedFmu:
         sha256=fmu.sha256,
         ours=fmu.ours,
         variables=variables,
+        roles=tuple(_role_fits(variables)),
         problems=tuple(plain(f"{path.name}: {text}") for text in problems),
         warnings=() if problems else tuple(map(plain, _obstacles(fmu))),
     )
+
+
+def _role_fits(variables: Sequence[InspectedVariable]) -> Iterator[RoleFit]:
+    """Yield how an FMU fits each role of whose outputs it has any, the best first."""
+    own = {(v.causality, v.name): v for v in variables}
+    inputs = {name for causality, name in own if causality == "input"}
+    fits = []
+    for role, declared in role_classes().items():
+        of_role: dict[str, list[Variable]] = {
+            "input": [],
+            "output": [],
+            "parameter": [],
+        }
+        for v in declared.variables:
+            if v.name != "fault":
+                of_role[v.causality].append(v)
+        outputs = [v for v in of_role["output"] if ("output", v.name) in own]
+        if not outputs:
+            continue
+        misfits = [
+            f"{v.name} ({reason})"
+            for v in (*outputs, *of_role["input"])
+            if (found := own.get((v.causality, v.name)))
+            and (reason := _misfit(found, v))
+        ]
+        known = {v.name for v in of_role["input"]}
+        fits.append(
+            RoleFit(
+                role,
+                tuple(v.name for v in outputs),
+                tuple(v.name for v in of_role["output"] if v not in outputs),
+                tuple(misfits),
+                tuple(sorted(inputs - known)),
+            )
+        )
+    yield from sorted(
+        fits,
+        key=lambda f: (f.fit != "fits", len(f.lacking) - len(f.outputs), f.role),
+    )
+
+
+def _misfit(found: InspectedVariable, declared: Variable) -> str:
+    """Return how a variable differs from that of a role; empty if it does not."""
+    kind = SIGNAL_KINDS.get(found.type, found.type)
+    if kind != declared.type:
+        return f"{found.type}, {declared.type} is needed"
+    if tuple(found.shape) != tuple(declared.shape):
+        sizes = [" x ".join(map(str, s)) or "1" for s in (found.shape, declared.shape)]
+        return f"{sizes[0]} elements, {sizes[1]} are needed"
+    unit = known_unit(found.unit) if found.unit else None
+    fits = unit is None or conversion(unit, unit_of(declared.unit)) is not None
+    return "" if fits else f"unit {found.unit}, {declared.unit} is needed"
 
 
 def _line(error: Exception) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
@@ -11,14 +11,16 @@ from desat.components.contract.block import Block
 from desat.components.contract.fitting import needs_of
 from desat.components.contract.roles import Manager
 from desat.fmus import registry
+from desat.fmus.description import describe
 
+from ..engine.recording.results import frame_of
 from ..files import paths, reader, scenario
 from ..files.merge import origin
 from ..files.scenario import Scenario
 from ..numbers.measures import LATE, MEASURES
 from ..numbers.numbers import options_of
 from ..system.errors import DesatError, nearest
-from ..system.interface import Signal, interface_of_block
+from ..system.interface import Interface, Signal, interface_of_block, role_classes
 from ..system.typed import JsonObject
 from . import validation
 
@@ -247,7 +249,7 @@ def _plain(value: Any) -> Any:
 
 
 def blocks(selection: str | None) -> tuple[str, list[dict[str, str]]]:
-    """Return a text and rows on all blocks, those of a role, or the variables of one.
+    """Return a text and rows on all blocks, or on the variables of a role or of one.
 
     Raises
     ------
@@ -283,11 +285,36 @@ def blocks(selection: str | None) -> tuple[str, list[dict[str, str]]]:
         raise DesatError(
             f"{selection}: no block and no role{nearest(selection, [*known, *roles])}"
         )
+    if selection is not None:
+        return _role(selection, known)
     return "", [
         {"role": i.role, "block": name, "title": i.title}
         for name, i in sorted(known.items(), key=lambda x: (x[1].role, x[0]))
-        if selection in (None, i.role)
     ]
+
+
+def _role(
+    role: str, known: Mapping[str, Interface]
+) -> tuple[str, list[dict[str, str]]]:
+    """Return what a role is, with its blocks, and rows of its variables."""
+    declared = role_classes()[role]
+    blocks_of_role = [
+        f"{name}: {i.title}" for name, i in sorted(known.items()) if i.role == role
+    ]
+    rows = [
+        {
+            "name": v.name + (f" {list(v.shape)}" if v.shape else ""),
+            "kind": v.causality,
+            "type": v.type,
+            "unit": v.unit if v.type == "Real" else "",
+            "frame": frame_of(v.name),
+            "usually from": ", ".join(v.source) if v.causality == "input" else "",
+            "meaning": describe(v),
+        }
+        for v in declared.variables
+    ]
+    text = inspect.getdoc(declared) or ""
+    return "\n\n".join([text, "Blocks:\n" + "\n".join(blocks_of_role)]), rows
 
 
 def _laws(block: type[Block]) -> str:

@@ -216,3 +216,8 @@ def _print_fmu(found: InspectedFmu) -> None:
         ]
         out.print()
         print_table(Table("", columns, rows))
+    if found.roles:
+        out.print()
+        out.print("roles (`desat help blocks ROLE`):")
+    for role in found.roles:
+        out.print(f"  {role.text()}", markup=False, highlight=False)
