@@ -979,7 +979,7 @@ def test_a_worker_prepares_once(monkeypatch):
     results = []
     check = Builder.check
     monkeypatch.setattr(
-        Builder, "check", lambda builder: results.append(1) or check(builder)
+        Builder, "check", lambda *arguments: results.append(1) or check(*arguments)
     )
     plan = CampaignPlan("alsat1/basin-y-wheel", "", 5, options=Options(stop=600.0))
     plan_module._source.cache_clear()

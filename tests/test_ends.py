@@ -368,7 +368,7 @@ def test_an_archive_without_room_is_not_called_unreadable(
     def fails(*_: object) -> None:
         raise OSError(number, "no room")
 
-    monkeypatch.setattr(zipfile.ZipFile, "extractall", fails)
+    monkeypatch.setattr(zipfile.ZipFile, "extract", fails)
     with pytest.raises(
         DesatError, match=r"a\.fmu: it cannot be extracted to .* \(no room\)"
     ) as full:

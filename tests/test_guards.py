@@ -227,7 +227,18 @@ def test_all_failing_components_are_collected():
 
 
 def test_of_a_foreign_fmu_only_the_description_is_read(tmp_path):
-    """One that says that another tool made it, and whose library would end the process."""
+    """One that says that another tool made it, and whose library would end the process
+    that loads it."""
+    compiler = shutil.which("gcc") or shutil.which("cc")
+    if compiler is None or sys.platform != "linux":
+        pytest.skip("needs Linux and a C compiler")
+    code, built = tmp_path / "ends.c", tmp_path / "ends.so"
+    code.write_text(
+        "#include <stdlib.h>\n"
+        "__attribute__((constructor)) static void ends(void) { abort(); }\n"
+        "int fmi2Instantiate, fmi2DoStep;\n"
+    )
+    subprocess.run([compiler, "-shared", "-fPIC", "-o", built, code], check=True)
     fmu = tmp_path / "theirs.fmu"
     with (
         zipfile.ZipFile(paths.fmus() / "magnetometer.fmu") as ours,
@@ -237,9 +248,8 @@ def test_of_a_foreign_fmu_only_the_description_is_read(tmp_path):
             data = ours.read(name)
             if name == "modelDescription.xml":
                 data = data.replace(b"desat with PythonFMU", b"another tool")
-            theirs.writestr(
-                name, b"no library" if name.startswith("binaries/") else data
-            )
+            is_library = name.startswith("binaries/")
+            theirs.writestr(name, built.read_bytes() if is_library else data)
     options = Options(sources=[f"magnetometer={fmu}"], sets=["torquers.quiet_time=9"])
     problems, warnings = trial_initialisation.refusals(
         *prepare(COMBINED, options).or_raise()

@@ -102,13 +102,13 @@ def connector(name: str, kind: str, type: str = "Real", inner: str = "") -> str:
     )
 
 
-def values(**given: str) -> str:
+def values(**inputs: str) -> str:
     """A parameter set: the value of each name, as `Real 3`."""
     rows = "".join(
         '<ssv:Parameter name="{}"><ssv:{} value="{}"/></ssv:Parameter>'.format(
             name, *text.split(" ", 1)
         )
-        for name, text in given.items()
+        for name, text in inputs.items()
     )
     return (
         "<ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues>"
@@ -431,12 +431,12 @@ def test_units_of_one_name_and_two_definitions_are_a_warning(typed, tmp_path):
     rows = [variable("u", 0, unit="x", start="3"), *outputs]
     fmu(tmp_path / "resources/a.fmu", typed, rows, units.format(1))
     fmu(tmp_path / "resources/b.fmu", typed, rows, units.format(1000))
-    given = values(u="Real 3").replace('value="3"', 'value="3" unit="x"')
-    own = (
+    inputs = values(u="Real 3").replace('value="3"', 'value="3" unit="x"')
+    own_value = (
         '</ssv:Parameters><ssv:Units><ssc:Unit name="x"><ssc:BaseUnit m="1" '
         'factor="7"/></ssc:Unit></ssv:Units>'
     )
-    elements = component("a", "", given.replace("</ssv:Parameters>", own))
+    elements = component("a", "", inputs.replace("</ssv:Parameters>", own_value))
     file = write(tmp_path, elements + component("b"), wire("a.y", "b.u"))
     assert run(file).results.values("b.y")[-1] == 3.0
     lines = [w for w in checked(file).warnings if "is defined in two ways" in w]
@@ -605,8 +605,8 @@ def test_a_fixed_step_that_does_not_fit_is_told(typed, tmp_path):
             new.writestr(entry, old.read(entry).replace(text.encode(), b""))
     shutil.copy(odd, path)
     file = write(tmp_path, component("a"))
-    fits = prepare(str(file), Options(stop=2.0, step=1.0)).checked.warnings
-    assert not any("fixed step" in w for w in fits)
+    fit = prepare(str(file), Options(stop=2.0, step=1.0)).checked.warnings
+    assert not any("fixed step" in w for w in fit)
     for step in (0.2, 0.75):
         found = prepare(str(file), Options(stop=3.0, step=step)).checked.warnings
         assert any(
@@ -657,8 +657,8 @@ def test_a_library_that_cannot_be_loaded_is_found_by_check(typed, tmp_path):
     stub = tmp_path / "stub.c"
     stub.write_text("int gone(void) { return 0; }")
     gone, needs = tmp_path / "libgone.so", tmp_path / "needs.so"
-    for made, *sources in ((gone, stub), (needs, source, gone)):
-        subprocess.run(["gcc", "-shared", "-fPIC", "-o", made, *sources], check=True)
+    for result, *sources in ((gone, stub), (needs, source, gone)):
+        subprocess.run(["gcc", "-shared", "-fPIC", "-o", result, *sources], check=True)
     gone.unlink()
     for content, message in (
         (bytes(other), "it is for AArch64, not x86_64"),

@@ -396,8 +396,8 @@ def test_a_copy_starts_anew_with_its_values(tmp_path):
             for v in description.modelVariables
             if v.type == "Real" and v.causality == "parameter"
         }
-        own = fmpy.read_model_description(library.our_file("torquers.fmu", kind))
-        assert description.guid != own.guid
+        own_value = fmpy.read_model_description(library.our_file("torquers.fmu", kind))
+        assert description.guid != own_value.guid
         slave = FMU2Slave(
             guid=description.guid,
             unzipDirectory=str(library.extract(fmu)),

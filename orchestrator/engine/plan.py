@@ -261,7 +261,9 @@ class RowOperation:
         if not self._last:
             return []
         return [
-            Publish(self.values[kind], values) for kind, values in self._live.items()
+            Publish(self.values[kind], values)
+            for kind, values in self._live.items()
+            if len(values)
         ]
 
     def add(self, i: int) -> list[Operation]:

@@ -571,7 +571,7 @@ class Builder:
         """
         used = {(c.source, c.output) for c in self.connections}
         used |= {(c.target, c.input) for c in self.connections}
-        given = {*part.parameters, *map(base_name, part.parameters)}
+        with_values = {*part.parameters, *map(base_name, part.parameters)}
         wrong: dict[bool, list[tuple[Connector, str]]] = {True: [], False: []}
         for connector in part.connectors.values():
             signal = interface.signals.get(connector.name)
@@ -579,7 +579,10 @@ class Builder:
                 signal is None or connector.kind != signal.causality
             ):
                 continue  # reported in one line with all of its connections
-            is_used = (part.name, connector.name) in used or connector.name in given
+            is_used = (
+                part.name,
+                connector.name,
+            ) in used or connector.name in with_values
             for text in _misfits(connector, signal, interface):
                 wrong[is_used].append((connector, text))
         for is_used, report in ((True, self.problems.append), (False, self._warn)):

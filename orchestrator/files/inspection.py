@@ -168,9 +168,9 @@ def inspect_fmu(path: Path) -> InspectedFmu:
 
 def _role_fits(variables: Sequence[InspectedVariable]) -> Iterator[RoleFit]:
     """Yield how an FMU fits each role of whose outputs it has any, the best first."""
-    own = {(v.causality, v.name): v for v in variables}
-    inputs = {name for causality, name in own if causality == "input"}
-    fits = []
+    known_variables = {(v.causality, v.name): v for v in variables}
+    inputs = {name for causality, name in known_variables if causality == "input"}
+    fit_value = []
     for role, declared in role_classes().items():
         of_role: dict[str, list[Variable]] = {
             "input": [],
@@ -180,17 +180,19 @@ def _role_fits(variables: Sequence[InspectedVariable]) -> Iterator[RoleFit]:
         for v in declared.variables:
             if v.name != "fault":
                 of_role[v.causality].append(v)
-        outputs = [v for v in of_role["output"] if ("output", v.name) in own]
+        outputs = [
+            v for v in of_role["output"] if ("output", v.name) in known_variables
+        ]
         if not outputs:
             continue
         misfits = [
             f"{v.name} ({reason})"
             for v in (*outputs, *of_role["input"])
-            if (found := own.get((v.causality, v.name)))
+            if (found := known_variables.get((v.causality, v.name)))
             and (reason := _misfit(found, v))
         ]
         known = {v.name for v in of_role["input"]}
-        fits.append(
+        fit_value.append(
             RoleFit(
                 role,
                 tuple(v.name for v in outputs),
@@ -200,7 +202,7 @@ def _role_fits(variables: Sequence[InspectedVariable]) -> Iterator[RoleFit]:
             )
         )
     yield from sorted(
-        fits,
+        fit_value,
         key=lambda f: (f.fit != "fits", len(f.lacking) - len(f.outputs), f.role),
     )
 
@@ -214,8 +216,8 @@ def _misfit(found: InspectedVariable, declared: Variable) -> str:
         sizes = [" x ".join(map(str, s)) or "1" for s in (found.shape, declared.shape)]
         return f"{sizes[0]} elements, {sizes[1]} are needed"
     unit = known_unit(found.unit) if found.unit else None
-    fits = unit is None or conversion(unit, unit_of(declared.unit)) is not None
-    return "" if fits else f"unit {found.unit}, {declared.unit} is needed"
+    fit = unit is None or conversion(unit, unit_of(declared.unit)) is not None
+    return "" if fit else f"unit {found.unit}, {declared.unit} is needed"
 
 
 def _line(error: Exception) -> str:

@@ -493,21 +493,27 @@ def hashes(path: Path) -> frozenset[str]:
     return frozenset(known)
 
 
-def fault_warnings(system: System) -> Iterator[str]:
+def fault_warnings(fmus: Iterable[tuple[str, Fmu | None]]) -> Iterator[str]:
     """Yield a line for each foreign FMU whose model description violates the standard.
 
-    It gives the first of the faults, and all components with this FMU.
+    It gives the first of the faults, and all components with this FMU. What cannot be
+    read at all is reported elsewhere.
     """
-    of_fmu: dict[Path, list[Component]] = {}
-    for c in system.components.values():
-        if c.fmu is not None and c.fmu.faults:
-            of_fmu.setdefault(c.fmu.path, []).append(c)
-    for path, components in of_fmu.items():
-        assert components[0].fmu is not None
-        found = components[0].fmu.faults
-        more = f" ({len(found) - 1} more)" if len(found) > 1 else ""
-        names = _listed([c.name for c in components])
-        yield f"{names}: {path.name}: not as FMI wants it: {found[0][:300]}{more}"
+    components: dict[Fmu, list[str]] = {}
+    for component, fmu in fmus:
+        if fmu is not None:
+            components.setdefault(fmu, []).append(component)
+    for fmu, names in components.items():
+        try:
+            found = fmu.faults
+        except (DesatError, OSError):
+            continue
+        if found:
+            more = f" ({len(found) - 1} more)" if len(found) > 1 else ""
+            yield (
+                f"{_listed(names)}: {fmu.path.name}: not as FMI wants it: "
+                f"{found[0][:300]}{more}"
+            )
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -554,8 +560,9 @@ def problems(system: System, options: Options) -> Iterator[str]:
 def _loading_fault(fmu: Fmu, here: str) -> str:
     """Return why the library of an FMU could not be loaded, or an empty text."""
     name = fmu.description.coSimulation.modelIdentifier
+    # of FMI 1.0 they have names of their own
     functions = {
-        "1.0": (f"{name}_fmiInstantiateSlave", f"{name}_fmiDoStep"),
+        "1.0": (),
         "2.0": ("fmi2Instantiate", "fmi2DoStep"),
     }.get(fmu.interface.fmi, ("fmi3InstantiateCoSimulation", "fmi3DoStep"))
     file = fmu.folder / "binaries" / here / f"{name}.so"

@@ -573,10 +573,10 @@ class _Reader:
         for dimension in connector.iter(f"{{{SSD}}}Dimension", f"{{{SSC}}}Dimension"):
             text = dimension.get("size", "")
             if not (text.isascii() and text.isdigit() and 0 < int(text) <= MOST_SIZE):
-                given = f"size {text!r}" if text else "no size"
+                size = f"size {text!r}" if text else "no size"
                 self.problems.append(
                     f"{self.at(dimension)}: {'.'.join(filter(None, end))}: a Dimension of "
-                    f"{given}; a number from 1 to {MOST_SIZE} is needed"
+                    f"{size}; a number from 1 to {MOST_SIZE} is needed"
                 )
                 return
             sizes.append(int(text))

@@ -217,12 +217,13 @@ def _prepare(target: Target, options: Options) -> Case:
     builder = _with_options(target, options)
     checked = builder.check(options.breaks_loops)
     system, sound = checked.system, checked.schedule is not None
+    fmus = ((part.name, part.fmu) for part in builder.components.values())
+    faults = library.fault_warnings(fmus)
+    (checked.problems if options.strict else checked.warnings).extend(faults)
     if options.solve_loops and checked.schedule and not checked.schedule.loops:
         checked.warnings.append("--solve-loops: there is no algebraic loop")
     if system is not None:
         checked.problems += [line for find in RUNS for line in find(system, options)]
-        faults = library.fault_warnings(system)
-        (checked.problems if options.strict else checked.warnings).extend(faults)
     if (scenario_read := scenario or _packed_scenario(builder)) is not None:
         _hold(checked, builder, scenario_read, target, options)
     if (

@@ -123,11 +123,11 @@ def _in_part(system: System) -> Iterator[str]:
             unknown = c.interface.fmi == "3.0" and any(
                 c.interface.signals[e].start is None for e in missing
             )
-            left = "are 0, as their start values are not known"
+            zeros = "are 0, as their start values are not known"
             yield (
                 f"{system.place}:{c.line}: {c.name}.{array} is wired or given in part: "
                 f"{names} of {len(c.interface.arrays[array])} "
-                f"{left if unknown else 'keep the start values of the FMU'}"
+                f"{zeros if unknown else 'keep the start values of the FMU'}"
             )
 
 

@@ -28,7 +28,7 @@ from desat.runs.prepare import prepare
 from desat.system.errors import DesatError
 from desat.system.options import Options
 from fuzz.mutations import mutated
-from fuzz.seeds import BARE, FILES, TARGETS, plain_kind, seeds
+from fuzz.seeds import BARE, FILES, TARGETS, library_of_ours, plain_kind, seeds
 
 LONGEST = 5.0
 """CPU time (s) that an input may take."""
@@ -151,7 +151,7 @@ def _wrapped(kind: str, data: bytes) -> bytes:
     with zipfile.ZipFile(buffer, "w") as archive:
         archive.writestr("modelDescription.xml", data)
         for folder in ("linux64", "x86_64-linux"):  # of FMI 1.0 and 2.0, of FMI 3.0
-            archive.writestr(f"binaries/{folder}/theirs.so", b"")
+            archive.writestr(f"binaries/{folder}/theirs.so", library_of_ours())
     return buffer.getvalue()
 
 

@@ -9,6 +9,8 @@ import zipfile
 from collections.abc import Callable, Iterator
 from functools import cache
 
+from desat.files import paths
+
 SSD = b"""<?xml version="1.0" encoding="UTF-8"?>
 <ssd:SystemStructureDescription xmlns:ssd="http://ssp-standard.org/SSP1/SystemStructureDescription"
  xmlns:ssc="http://ssp-standard.org/SSP1/SystemStructureCommon"
@@ -355,9 +357,19 @@ def plain_kind(kind: str) -> str:
 
 
 @cache
+def library_of_ours() -> bytes:
+    """A library that could be loaded: it is read, and never loaded."""
+    fmu = paths.fmus() / "native" / "tachometers.fmu"
+    with zipfile.ZipFile(fmu) as archive:
+        names = (n for n in archive.namelist() if n.startswith("binaries/linux64/"))
+        return archive.read(next(names))
+
+
+@cache
 def seeds() -> dict[str, bytes]:
     """A seed of each kind of file."""
-    fmu = _zip({"modelDescription.xml": XML, "binaries/linux64/theirs.so": b""})
+    library = library_of_ours()
+    fmu = _zip({"modelDescription.xml": XML, "binaries/linux64/theirs.so": library})
     files = {
         "SystemStructure.ssd": THEIRS,
         "p.ssv": SSV,
