@@ -830,3 +830,62 @@ def test_check_says_which_roles_an_fmu_fits(typed, tmp_path, desat):
     assert "m_cmd_body (unit m, A.m2 is needed)" in " ".join(done.stdout.split())
     [role] = json.loads(desat("check", str(path), "--json").stdout)["roles"]
     assert role["outputs"] == ["m_cmd_body"]
+
+
+# --- bad input ------------------------------------------------------------------------
+
+
+def test_a_set_that_names_another_component_is_refused(typed, tmp_path):
+    for name in "ab":
+        fmu(tmp_path / f"resources/{name}.fmu", typed, [variable("u", 0)])
+    bound = values(**{"b.u": "Real 3"})
+    file = write(tmp_path, component("a", "", bound) + component("b"))
+    [line] = checked(file).problems
+    assert line.endswith("a.b.u: it names b, but the set is that of a")
+    assert "SystemStructure.ssd:2: " in line
+
+
+def test_public_reports_are_read_or_refused_in_a_line(typed, tmp_path):
+    """FMPy 108 and 189, fmi-cross-check 74, OpenModelica 11265, OMSimulator 495, 1017,
+    1094, 1222 and 1318, FMPy 107: rebuilt by the smallest file."""
+    output = variable("y", 16, causality="output")
+    table = variable("table.fileName", 0, "String", "parameter", start="NoName")
+    read = {
+        "calculatedParameter, constant": [
+            variable("p", 3, causality="calculatedParameter", variability="constant")
+        ],
+        "parameter, constant": [
+            variable("p", 0, causality="parameter", variability="constant")
+        ],
+        "slash, brackets and a blank": [
+            variable("a/b(1)", 17, causality="output"),
+            variable("m[1, 1]", 18, causality="output"),
+            variable("m[1, 2]", 19, causality="output"),
+        ],
+        "previous": [variable("previous(Ts)", 1, causality="local")],
+        "a table's file": [table],
+    }
+    for rows in read.values():
+        fmu(tmp_path / "resources/a.fmu", typed, [*rows, output])
+        assert run(write(tmp_path, component("a"))).results.values("a.y")[-1] == 0.0
+    fmu(
+        tmp_path / "resources/a.fmu",
+        typed,
+        [variable("speed", 0), variable("on", 17, "Boolean", "output")],
+    )
+    fmu(
+        tmp_path / "resources/b.fmu",
+        typed,
+        [variable("on", 1, "Boolean", start="true"), output],
+    )
+    both = component("a") + component("b")
+    file = write(tmp_path, both, wire("a.on", "b.on") + wire("b.y", "a.speed"))
+    file.write_text(file.read_text().replace('name="s"', 'name="Root-System"'))
+    assert prepare(str(file), Options()).or_raise()[0].step == 0.5
+    assert run(file).manifest.status == "completed"
+    empty = '<ssd:Connection startElement="y" startConnector="" endElement="b" '
+    file = write(tmp_path, both, empty + 'endConnector="on"/>')
+    assert checked(file).problems[0].endswith("no component y; there is a, b")
+    fmu(tmp_path / "resources/a.fmu", typed, [variable("n", 3, causality="none")])
+    [line] = checked(write(tmp_path, component("a"))).problems
+    assert "n: causality none: there are parameter" in line

@@ -605,6 +605,12 @@ class Builder:
             if not (
                 signals or interface.role
             ):  # SSP 1.0: a value that matches no variable is ignored
+                other = name.partition(".")[0]
+                if other != name and other in self.components:
+                    self.problems.append(
+                        f"{at}: it names {other}, but the set is that of {part.name}"
+                    )
+                    continue
                 hint = nearest(name, interface.signals)
                 self._warn(
                     f"{at}: {part.source} has no variable {name}{hint}: left out"
