@@ -264,7 +264,7 @@ ACCEPTED: dict[str, dict[str, str]] = {
         "10 s": LIMIT,
     },
     "docs/hosts.md": {
-        "280 kB": TESTED,
+        "284 kB": TESTED,
         "337 kB": TESTED,
         "10 ms": BY_HAND,
         "101 MB": SOURCE,

@@ -116,7 +116,7 @@ def test_a_loop_is_for_the_platforms_that_are_asked_for(desat, tmp_path, monkeyp
     monkeypatch.setattr(
         native, "compile_wrapper", lambda folder, targets: inputs.append(targets)
     )
-    monkeypatch.setattr(native, "assemble", lambda *args: inputs.append(args[-1]))
+    monkeypatch.setattr(native, "assemble", lambda *args: inputs.append(args[6]))
     desat(
         "export",
         "fmu",

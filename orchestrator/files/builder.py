@@ -46,7 +46,6 @@ RESERVED = (
     "time",
     SHARED,
 )  # no component may have these names: series of times, parameters of all
-STRUCTURAL = "structuralParameter"
 MOST_LINES = 100  # upper bound of lines about one kind of problem
 MOST_NAMED = 10  # upper bound of connectors that one line names
 # SI; no quantity of a spacecraft is larger, and its square and cube are finite
@@ -122,8 +121,7 @@ class Part:
         sizes = {
             name: int(value)
             for name, value in self.parameters.items()
-            if name in self.interface.signals
-            and self.interface.signals[name].causality == STRUCTURAL
+            if name in self.interface.structural
         }
         self.interface = self.fmu.sized(sizes)
 
@@ -224,8 +222,12 @@ class Builder:
             for name, ratio in layer.step_ratios.items():
                 self.part(name, f"{layer.place}: step_ratio").step_ratio = ratio
             errors: list[str] = []
-            # arrays follow from structural parameters
-            for value in sorted(layer.values, key=lambda v: not self._is_structural(v)):
+            parts = self.components.values()
+            values = layer.values
+            if any(p.interface and p.interface.structural for p in parts):
+                # arrays follow from structural parameters
+                values = sorted(values, key=lambda v: not self._is_structural(v))
+            for value in values:
                 self._give(value, layer, errors if value.raises else self.problems)
             if errors:
                 raise DesatError("\n".join(dict.fromkeys(errors)))
@@ -266,6 +268,8 @@ class Builder:
                 self.components[place.name] = part
                 if self.load:
                     self._load_interface(part)
+                if part.fmu is not None and part.interface is not None:
+                    part.parameters.update(part.fmu.start_values)
             else:
                 self._replace(place, layer)
                 replaced.append(place.name)
@@ -414,9 +418,10 @@ class Builder:
         A value that does not fit is appended to `errors`.
         """
         for part in self._owners(value, errors):
+            resizes = part.interface and value.name in part.interface.structural
             if value.unchecked:
                 part.take(value)
-                if self._is_structural(value):
+                if resizes:
                     part.resize()
                 continue
             try:
@@ -425,7 +430,7 @@ class Builder:
                 prefix = f"{value.prefix}: " if value.prefix else ""
                 part.assign(value.name, value.value, f"{prefix}{part.name}")
                 part.origins[base_name(value.name)] = value.origin
-                if self._is_structural(value):
+                if resizes:
                     part.resize()
             except DesatError as error:
                 errors.append(str(error))
@@ -433,10 +438,8 @@ class Builder:
     def _is_structural(self, value: Value) -> bool:
         """Return whether a value is that of a structural parameter."""
         part = self.components.get(value.owner)
-        if part is None or part.interface is None or value.owner == SHARED:
-            return False
-        signal = part.interface.signals.get(value.name)
-        return signal is not None and signal.causality == STRUCTURAL
+        interface = None if part is None else part.interface
+        return interface is not None and value.name in interface.structural
 
     def _owners(self, value: Value, errors: list[str]) -> list[Part]:
         """Return the components to which a value applies."""
@@ -579,10 +582,14 @@ class Builder:
                 signal is None or connector.kind != signal.causality
             ):
                 continue  # reported in one line with all of its connections
-            is_used = (
-                part.name,
-                connector.name,
-            ) in used or connector.name in with_values
+            if signal is not None and (
+                connector.kind == signal.causality
+                and connector.type in ("", signal.kind)
+                and connector.unit in ("", signal.unit_name)
+            ):
+                continue
+            is_wired = (part.name, connector.name) in used
+            is_used = is_wired or connector.name in with_values
             for text in _misfits(connector, signal, interface):
                 wrong[is_used].append((connector, text))
         for is_used, report in ((True, self.problems.append), (False, self._warn)):
@@ -708,7 +715,8 @@ class Builder:
                     f"{place}: {c}: {c.target}.{c.input} has two sources, also "
                     f"{other.source}.{other.output} (line {other.line})"
                 )
-            if source.unit_name == target.unit_name and c.converts:
+            is_namesake = c.converts and source.unit_name == target.unit_name
+            if is_namesake and source.unit != target.unit:
                 at = f"{place}: {c}"
                 self._warn_of_namesake(source.unit, target.unit, target, at)
             try:

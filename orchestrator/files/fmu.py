@@ -22,7 +22,7 @@ from desat.fmus.description import TOOL
 from ..system.errors import DesatError, plain
 from ..system.interface import Interface, OutputClass, Signal, apart
 from ..system.parameters import known_unit
-from .io import contents
+from .io import contents, replace_text
 from .model_structure import mend_structure
 from .xml import parse_bytes
 
@@ -255,7 +255,7 @@ def description_of(path: Path, called: str = "") -> Any:
             return read_model_description(path, validate=False)
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "modelDescription.xml"
-            file.write_bytes(etree.tostring(root))
+            replace_text(file, etree.tostring(root))
             return read_model_description(folder, validate=False)
     except Exception as error:  # fmpy raises plain Exception, KeyError, IndexError, ...
         lines = str(error).splitlines() or [type(error).__name__]
@@ -386,6 +386,8 @@ def _is_settable(v: Any) -> bool:
 
     FMI 1.0 has no `initial`; there what has a start value may be set.
     """
+    if v.causality in ("input", "parameter"):
+        return True
     if v.variability == "constant":
         return False
     initial = v.initial or ("exact" if v.start is not None else "calculated")

@@ -16,7 +16,6 @@ import tempfile
 import time
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ from typing import Any
 import fmpy
 from filelock import FileLock, Timeout
 
+from desat.components.contract.block import Scalar
 from desat.fmus import meaning, registry, starts
 
 from ..system.errors import DesatError, nearest, require
@@ -132,9 +132,16 @@ class FmuFile:
             for e in index().values()
             if e["kind"] == "python"
         ):
-            found = interface_of_block(entry["name"])
-            return found if self._copy is None else _started(found, self._copy)
+            return interface_of_block(entry["name"])
         return of_fmu(self.folder, self.path.name)
+
+    @cached_property
+    def start_values(self) -> dict[str, Scalar]:
+        """Return the values that a copy of one of ours starts with, by name."""
+        if self._copy is None:
+            return {}
+        names = {s.reference: name for name, s in self.interface.signals.items()}
+        return {names[start.reference]: start.value for start in self._copy.values}
 
     def sized(self, sizes: Mapping[str, int]) -> Interface:
         """Return its variables where structural parameters have these values."""
@@ -158,18 +165,6 @@ class FmuFile:
         """Return the platforms of its libraries, as its version of FMI names them."""
         folders = (p for p in (self.folder / "binaries").glob("*") if p.is_dir())
         return sorted(p.name for p in folders if any(q.is_file() for q in p.iterdir()))
-
-
-def _started(interface: Interface, copy: starts.Starts) -> Interface:
-    """Return an interface with the start values of a copy."""
-    values = {start.reference: start.value for start in copy.values}
-    return replace(
-        interface,
-        signals={
-            name: replace(s, start=values[s.reference]) if s.reference in values else s
-            for name, s in interface.signals.items()
-        },
-    )
 
 
 @cache

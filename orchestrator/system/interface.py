@@ -63,7 +63,8 @@ class Signal:
     usual: tuple[float, float] | None = None
     type: str = ""  # FMI 3.0 only: the variable's type, such as Float32 or UInt8
     element: int = 0  # FMI 3.0 only: index in its array; `reference` includes it
-    # whether it may be set before initialisation (`initial` exact or approx)
+    # whether a scenario may give its value: it may be set before initialisation (inputs,
+    # parameters, and what has `initial` exact or approx)
     settable: bool = False
     # an output that is recorded under its own name, as its array is not numbered from 1
     # in order
@@ -78,11 +79,6 @@ class Signal:
         array = base_name(self.name)
         object.__setattr__(self, "array", array)
         object.__setattr__(self, "series", self.name if self.alone else array)
-
-    @property
-    def may_be_given(self) -> bool:
-        """Return whether a scenario may give its value."""
-        return self.settable or self.causality in ("parameter", "input")
 
     def named(self, value: Any) -> Any:
         """Return the name of a choice; any other value is returned unchanged."""
@@ -112,6 +108,8 @@ class Interface:
     parameters: tuple[Signal, ...] = field(init=False, repr=False, compare=False)
     # the outputs that are the slope of a mean
     slopes: frozenset[str] = field(init=False, repr=False, compare=False)
+    # the parameters of FMI 3.0 from which the lengths of arrays follow
+    structural: frozenset[str] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Sort the signals, once."""
@@ -128,6 +126,9 @@ class Interface:
                 f"{side}s": tuple(sides[side])
                 for side in ("input", "output", "parameter")
             },
+            "structural": frozenset(
+                s.name for s in sides.get("structuralParameter", ())
+            ),
             "slopes": frozenset(s.slope for s in self.signals.values() if s.slope),
         }
         for name, value in found.items():

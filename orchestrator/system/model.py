@@ -97,6 +97,10 @@ class Fmu(Protocol):
     def origin(self) -> str:
         """Return the sha256 of the FMU of ours that it is, but for start values."""
 
+    @property
+    def start_values(self) -> Mapping[str, Scalar]:
+        """Return the values that a copy of one of ours starts with, by name."""
+
     def sized(self, sizes: Mapping[str, int]) -> Interface:
         """Return its variables where structural parameters have these values."""
 

@@ -173,9 +173,9 @@ def expand(
     signal = interface.signals.get(name)
     signals = interface.elements.get(name, ()) if signal is None else [signal]
     if not signals:
-        known = {s.array for s in interface.signals.values() if s.may_be_given}
+        known = {s.array for s in interface.signals.values() if s.settable}
         raise DesatError(f"{place} has no variable {name}{nearest(name, known)}")
-    if not signals[0].may_be_given:
+    if not signals[0].settable:
         reason = "" if interface.role else ", whose start value the FMU computes"
         kind = signals[0].causality
         article = "an" if kind[0] in "aeiou" else "a"
