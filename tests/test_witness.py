@@ -132,16 +132,23 @@ def test_libcosim_agrees(name, kind, tmp_path):
     not importlib.util.find_spec("ecospy"), reason="ecospy not installable"
 )
 @pytest.mark.parametrize(
-    ("name", "kind"),
-    [*((name, "python") for name in CASES[1:4]), (NATIVE[-1], "native")],
+    ("name", "kind", "reads_sets"),
+    [
+        *((name, "python", True) for name in CASES[1:4]),
+        (NATIVE[-1], "native", True),
+        (NATIVE[-1], "native", False),
+        (CASES[1], "python", False),
+    ],
 )
-def test_ecos_agrees(name, kind, tmp_path):
+def test_ecos_agrees(name, kind, reads_sets, tmp_path):
+    """With the parameter set and without it: the FMUs start with its values."""
     path = packed(name, kind, tmp_path)
     outputs = real_outputs(path)
     expected = [(c, v) for c, variables in outputs.items() for v in variables]
     run = execute(name, SHORT)
     step = str(run.manifest["step"])
-    theirs = rows_of(python(ECOS, str(path), json.dumps(expected), str(STEPS), step))
+    script = ECOS if reads_sets else ECOS.replace('parameter_set="parameters"', "")
+    theirs = rows_of(python(script, str(path), json.dumps(expected), str(STEPS), step))
     mine = columns(run, outputs)[:STEPS]
     print("largest difference", np.abs(theirs - mine).max())
     assert np.abs(theirs - mine).max() <= 1e-12
