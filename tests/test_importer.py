@@ -379,6 +379,11 @@ def test_outputs_and_locals_may_be_set_where_initial_says_so(typed, tmp_path):
             {},
             "derivative '9' is no variable; 1 to 2 are allowed: it is left out",
         ),
+        (
+            [variable("p", 0).replace("<Real ", '<Real declaredType="Angle" ')],
+            {},
+            "p: declaredType Angle is not defined: it is left out",
+        ),
     ],
 )
 def test_a_fault_that_other_tools_tolerate_is_a_warning(
@@ -765,6 +770,25 @@ def test_an_array_is_wired_by_one_connection(tmp_path):
     )
     system_, _ = prepare(str(file), Options(stop=2.0, step=0.5)).or_raise()
     assert [c.input for c in system_.connections] == [f"b_body[{i}]" for i in (1, 2, 3)]
+
+
+@pytest.mark.parametrize("named", [".", "SystemStructure.ssd"])
+def test_a_system_of_somebody_is_packed_and_gives_the_same(
+    typed, tmp_path, desat, named
+):
+    """A packed one is refused."""
+    folder = tmp_path / "sys"
+    rows = [variable("u", 1, start="3"), variable("y", 17, causality="output")]
+    fmu(folder / "resources/a.fmu", typed, rows)
+    file = write(folder, component("a", "", values(u="Real 4")))
+    done = desat("pack", str((folder / named).resolve()), check=True)
+    packed = Path(done.stdout.split(": ")[1].strip())
+    assert packed.stem == (folder / named).resolve().stem
+    assert run(packed).results.values("a.y").tolist() == [4.0] * 5
+    assert run(file).results.values("a.y").tolist() == [4.0] * 5
+    again = desat("pack", str(packed))
+    assert again.returncode == 2
+    assert f"{packed}: it is packed already" in again.stderr
 
 
 @pytest.mark.parametrize(

@@ -195,7 +195,7 @@ def _started(component: Component, fmu: Fmu) -> bytes:
     Hosts that read no parameter set start it with them.
     """
     data = fmu.path.read_bytes()
-    if fmu.path.is_dir() or fmu.sha256 not in library.index():
+    if fmu.path.is_dir() or not fmu.ours:
         return data
     signals = component.interface.signals
     values = [

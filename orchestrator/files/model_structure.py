@@ -66,6 +66,7 @@ def mend_structure(root: Any, place: str) -> tuple[str, ...]:
     variables = [v for v in found if isinstance(v.tag, str)]
     version = root.get("fmiVersion", "")
     references = set()
+    types = {t.get("name") for t in root.iterfind("TypeDefinitions/*")}
     mended: list[str] = []
     for variable in variables:
         if not variable.get("name"):
@@ -77,6 +78,7 @@ def mend_structure(root: Any, place: str) -> tuple[str, ...]:
             mended += _mend_variability(variable, place, version)
         if not version.startswith("3."):
             _check_type(variable, place)
+        mended += _mend_type(variable, types, place)
     if version == "2.0":
         mended += _mend_references_2(root, variables, place)
     elif version.startswith("3."):
@@ -171,6 +173,20 @@ def _mend_variability(variable: Any, place: str, version: str) -> Iterator[str]:
     if causality == "input" or variable.get("initial") == "calculated":
         variable.attrib.pop("initial", None)
     yield f"{text}: taken for {meant}"
+
+
+def _mend_type(
+    variable: Any, types: Container[str | None], place: str
+) -> Iterator[str]:
+    """Remove a declared type that is not defined."""
+    for element in (variable, *variable):
+        name = element.get("declaredType") if isinstance(element.tag, str) else None
+        if name is not None and name not in types:
+            del element.attrib["declaredType"]
+            yield (
+                f"{_place(variable, place)}: declaredType {_short(name)} is not defined: "
+                "it is left out"
+            )
 
 
 def _check_type(variable: Any, place: str) -> None:

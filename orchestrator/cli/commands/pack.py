@@ -62,6 +62,7 @@ def pack(
     from ...export import packing as pack_module
     from ...files import library, paths
     from ...files.scenario import scenarios
+    from ...runs.prepare import read
     from ...runs.substep_choice import settled
 
     if ssd:
@@ -69,13 +70,18 @@ def pack(
         _write_ssds(names or [], as_json)
         return
     kind = fmus if fmus else "native" if library.portable() else "python"
-    sources: list[tuple[Scenario, Path | None]] = (
-        [(_scenario_of(name), _place_of(name)) for name in names]
-        if names
-        else [(scenario, None) for scenario in scenarios().values()]
-    )
+    sources: list[tuple[Scenario, Path | None]] = []
+    packed: list[str] = []
+    for name in names or ():
+        scenario = read(name).scenario
+        if scenario is None:
+            packed.append(str(_pack_system(name, kind, arrays)))
+        else:
+            sources.append((scenario, _place_of(name)))
+    if not names:
+        sources = [(scenario, None) for scenario in scenarios().values()]
     messages: list[str] = []
-    packed = [
+    packed += [
         str(
             pack_module.pack_scenario(
                 scenario,
@@ -107,14 +113,20 @@ def pack(
         out.print(f"{len(packed)} packed: {os.path.commonpath(packed)}")
 
 
-def _scenario_of(target: str) -> Scenario:
-    """Return the scenario that a target names, as `desat run` takes it."""
-    from ...runs.prepare import read
+def _pack_system(target: str, fmus: str, arrays: bool) -> Path:
+    """Pack a system file of SSP beside it, or the folder of one into the folder."""
+    from ...export.packing import pack
+    from ...runs.prepare import prepare
+    from ...system.options import Options
 
-    scenario = read(target).scenario
-    if scenario is None:
-        raise DesatError(f"{target}: it is a system file of SSP already")
-    return scenario
+    path = Path(target)
+    if path.suffix == ".ssp":
+        raise DesatError(f"{target}: it is packed already")
+    system, _ = prepare(target, Options()).or_raise()
+    place = path / f"{path.resolve().name}.ssp" if path.is_dir() else path
+    place = place.resolve().with_suffix(".ssp")
+    pack(system, place, fmus, arrays)
+    return place
 
 
 def _place_of(target: str) -> Path | None:
