@@ -609,6 +609,26 @@ def test_a_new_craft_states_an_error_that_is_not_exceeded(tmp_path, monkeypatch)
     assert "accuracy 1e-05 rad" in line
 
 
+def test_the_line_names_the_modes_that_change(tmp_path, monkeypatch):
+    """Its estimate supposes that they change at the same samples."""
+    monkeypatch.chdir(tmp_path)
+    new_craft.write(
+        Path("mine"), CraftFacts(size="12U", altitude="400km", rods="0.2"), "new craft"
+    )
+    options = Options(stop=600.0, sources=["manager=manager_integrated"])
+    for low, high in (("0.001", "0.5"), ("0", "1e-4")):
+        thresholds = [f"manager.threshold_off={low}", f"manager.threshold_on={high}"]
+        run = simulate(prepare("mine", replace(options, sets=thresholds)))
+        mode = run.results.values("manager.mode")
+        changes = int(np.count_nonzero(np.diff(mode)))
+        line = run_command.substeps_line(run.manifest)
+        assert (f"manager.mode changes {changes} times" in line) == (changes > 0)
+        again = type(run.manifest.substep_choice).from_json(
+            run.manifest["substep_choice"]
+        )
+        assert again.switches == ({"manager.mode": changes} if changes else {})
+
+
 def test_the_fastest_passage_of_each_wheel_through_zero_is_looked_at():
     t = np.arange(20.0)
     h = np.stack([t - 4.5, 0.1 * t - 1.05, 1.0 + 0.0 * t, 3.0 * (t - 8.5)], axis=1)

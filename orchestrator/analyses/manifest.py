@@ -79,6 +79,9 @@ class SubstepChoice:
     # reason for each repetition of the run
     again: list[str] = field(default_factory=list)
     seconds: float = 0.0  # s, CPU time of the choice
+    # How often discrete outputs of the momentum manager change in the run. A change at
+    # another sample is not in the estimate.
+    switches: Mapping[str, int] = field(default_factory=dict)
 
     def to_json(self) -> JsonObject:
         """Return it as the manifest has it."""

@@ -244,6 +244,8 @@ def _with_inner(case: Case, choice: SubstepChoice | None) -> Case:
 
 def _tell(run: Run, choice: SubstepChoice, folder: Path | None) -> None:
     """Add the result of a second substep choice to a run's manifest."""
+    known = run.manifest.substep_choice
+    choice = replace(choice, switches=known.switches if known else {})
     manifest = replace(run.manifest, substep_choice=choice)
     manifest = replace(
         manifest,
@@ -302,9 +304,12 @@ def _simulate(
         outcome, results = _simulate_apart(case, folder, manifest, progress, checkpoint)
     else:
         outcome, results = step(case, folder, manifest, progress, checkpoint)
+    if choice is not None:
+        choice = replace(choice, switches=substep_choice.switches(system, results))
     run = Run(
         replace(
             manifest,
+            substep_choice=choice,
             warnings=[*manifest.warnings, *outcome.warnings],
             status=outcome.status,
             message=outcome.message,

@@ -207,6 +207,24 @@ def choose_again(
     return None if more is choice else more
 
 
+def switches(system: System, results: Results) -> dict[str, int]:
+    """Count the changes of the momentum manager's recorded modes and flags.
+
+    Those that do not change are left out.
+    """
+    manager = system.roles.get("manager")
+    if manager is None:
+        return {}
+    counts = {}
+    for signal in manager.interface.outputs:
+        series = f"{manager.name}.{signal.series}"
+        is_discrete = signal.kind == "Boolean" or bool(signal.choices)
+        if is_discrete and series in results.names():
+            values = np.asarray(results.values(series))
+            counts[series] = int(np.count_nonzero(values[1:] != values[:-1]))
+    return {name: count for name, count in counts.items() if count}
+
+
 def decimated(system: System, options: Options) -> Slow | None:
     """Estimate the errors due to components that do not step at every step.
 
