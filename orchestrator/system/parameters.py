@@ -287,6 +287,10 @@ def _within(signal: Signal, value: float, place: str) -> float:
         lowest = "-inf" if low is None else f"{low:.10g}"
         highest = "inf" if high is None else f"{high:.10g}"
         got = value if isinstance(value, int) else f"{value:g}"
+        if lowest == highest:
+            raise DesatError(
+                f"{place} = {got}{unit}: allowed is {lowest} alone: {signal.description}"
+            )
         raise DesatError(f"{place} = {got}{unit}: allowed is {lowest} to {highest}")
     return value
 
