@@ -559,3 +559,20 @@ def test_help_says_what_a_block_of_a_role_writes(desat):
     ):
         printed = desat("help", "blocks", role, check=True).stdout
         assert text in " ".join(printed.split())
+
+
+def test_a_bug_of_a_block_is_told_with_its_line(cache, tmp_path):
+    file = tmp_path / "mine.py"
+    text = MAGNETOMETER.replace("BEGIN", "pass").replace(
+        "b_bdy = b", "b_body = b[0][1]"
+    )
+    file.write_text(text)
+    line = text[: text.index("b[0][1]")].count("\n") + 1
+    options = Options(
+        sources=[f"magnetometer={file}"],
+        sets=["magnetometer.sample_time=0"],
+        stop=10.0,
+    )
+    run = execute(TARGET, options)
+    assert not run.manifest.completed
+    assert f"mine.py:{line}: TypeError: 'float' object is not" in run.manifest.message

@@ -179,9 +179,11 @@ def simulate(
     folder: Path | None = None,
     progress: bool = False,
     checkpoint: Checkpoint | None = None,
+    choice: SubstepChoice | None = None,
 ) -> Run:
     """Run a prepared case; with `folder` None the series stay in memory.
 
+    `choice` is that of the substeps with which the run begins; None: it chooses itself.
     With `checkpoint` the run continues from there, in the folder of the run that was
     ended (`resume`).
 
@@ -201,11 +203,8 @@ def simulate(
         If a signal stops it before it has begun.
     """
     system, _ = case.or_raise()
-    choice = (
-        substep_choice.choose(case.target, system, case.options)
-        if checkpoint is None
-        else None
-    )
+    if checkpoint is None and choice is None:
+        choice = substep_choice.choose(case.target, system, case.options)
     if checkpoint is not None:
         choice = Manifest.from_json(checkpoint.about["manifest"]).substep_choice
     for attempts_left in reversed(range(substep_choice.AGAIN)):
