@@ -16,13 +16,15 @@ import re
 import sys
 import textwrap
 import traceback
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from desat.components import blocks
-from desat.components.contract.block import Block
+from desat.components.contract.block import Block, Sampled
+from desat.components.contract.roles import Computer
 
 SUFFIX = ".py"
 _OURS = "desat.components."
@@ -186,7 +188,25 @@ def block_class(block_ref: str) -> type[Block]:
         )
     if missing := unassigned(block):
         raise OwnBlockError(f"{path.name}:{first}: {block.__name__}.{missing[0]}")
+    if issubclass(block, Sampled):
+        _bound_sample_time(block)
     return block
+
+
+def _bound_sample_time(block: type[Sampled]) -> None:
+    """Allow no `sample_time` but 0 where a block's steps do not use it.
+
+    A block uses it itself or through `due`.
+    """
+    _, read = _attributes(block, "advance")
+    if read & {"due", "sample_time", "*"}:
+        return
+    method = "compute" if issubclass(block, Computer) else "advance"
+    text = f"no effect: {method} does not call self.due(t), so it runs at every step"
+    block.variables = tuple(
+        replace(v, maximum=0.0, description=text) if v.name == "sample_time" else v
+        for v in block.variables
+    )
 
 
 def unassigned(block: type[Block]) -> list[str]:
@@ -198,7 +218,9 @@ def unassigned(block: type[Block]) -> list[str]:
     or `vars` hides assignments.
     """
     declared = {v.name for v in block.variables}
-    begun, *rest = (_assigned(block, name) for name in ("start", "output", "advance"))
+    begun, *rest = (
+        _attributes(block, name)[0] for name in ("start", "output", "advance")
+    )
     if any("*" in names for names in (begun, *rest)):
         return []  # setattr or vars: assignments cannot be found
     strange = {n for names in (begun, *rest) for n in names if n[0] != "_"} - declared
@@ -216,12 +238,12 @@ def unassigned(block: type[Block]) -> list[str]:
     return lines
 
 
-def _assigned(block: type[Block], method: str) -> set[str]:
-    """Return the attributes of `self` that a method and the methods it calls assign.
+def _attributes(block: type[Block], method: str) -> tuple[set[str], set[str]]:
+    """Return the attributes of `self` that a method and its callees assign, and read.
 
-    `*` is among them where setattr or vars is used.
+    `*` is among both where setattr or vars is used.
     """
-    mro, found = block.__mro__[:-1], set[str]()
+    mro, found, read = block.__mro__[:-1], set[str](), set[str]()
     seen, todo = set[Any](), [(method, mro)]
     while todo:
         name, classes = todo.pop()
@@ -234,16 +256,18 @@ def _assigned(block: type[Block], method: str) -> set[str]:
         for node in ast.walk(ast.parse(textwrap.dedent(inspect.getsource(attribute)))):
             if isinstance(node, ast.Name) and node.id in ("setattr", "vars"):
                 found.add("*")
+                read.add("*")
             if not isinstance(node, ast.Attribute):
                 continue
             of = ast.unparse(node.value)
             if of == "self" and isinstance(node.ctx, ast.Store):
                 found.add(node.attr)
             elif of == "self":
+                read.add(node.attr)
                 todo.append((node.attr, mro))
             elif of == "super()":
                 todo.append((node.attr, mro[mro.index(owner) + 1 :]))
-    return found
+    return found, read
 
 
 def _text(path: Path) -> str:

@@ -19,6 +19,7 @@ import json
 import math
 import struct
 import sys
+import traceback
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -85,6 +86,9 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         """Set `fault` and log an error."""
         self._block.fault = True
         text = error if isinstance(error, str) else f"{type(error).__name__}: {error}"
+        frames = traceback.extract_tb(getattr(error, "__traceback__", None))
+        if frames and type(error).__name__ != "BlockError":  # a bug: say where
+            text = f"{Path(frames[-1].filename).name}:{frames[-1].lineno}: {text}"
         self.log(f"{self.instance_name}: {message}: {text}", Fmi2Status.error)
 
     # --- life -------------------------------------------------------------------------

@@ -232,7 +232,7 @@ def test_killed_at_random_moments(tmp_path):
     cases = (
         "nadir_day/day-dipole",
         "--stop",
-        "3000",
+        "1500",
         "--checkpoint",
         "100",
         "--no-baseline",

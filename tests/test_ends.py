@@ -1262,7 +1262,7 @@ class AskedError(Exception):
 def test_draws_record_what_their_numbers_need(monkeypatch, substeps, record, looks):
     """And, where the run chooses its substeps, what that is looked at again with."""
 
-    def simulate(case: object) -> None:
+    def simulate(case: object, choice: None) -> None:
         raise AskedError(case.options.record)
 
     monkeypatch.setattr(study, "simulate", simulate)
@@ -1316,8 +1316,10 @@ def test_a_case_that_is_kept_needs_room_and_no_signal(
     written = []
     monkeypatch.setattr(campaign_case, "source", lambda plan: "a")
     monkeypatch.setattr(campaign_case, "prepare", lambda target, options: options)
+    monkeypatch.setattr(campaign_case, "choose_for_cases", lambda *_: "once for all")
 
-    def simulate(options: Options, into: Path) -> Run:
+    def simulate(options: Options, into: Path, choice: str) -> Run:
+        assert choice == "once for all"
         assert (options.supervised, options.call_limit) == (True, 9.0)
         assert options.values == {"a.k": 1.0}
         return finished(code)

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import importlib
 import json
+import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import fmpy
 import numpy as np
 import pytest
+from conftest import ROOT
 from fmpy.validation import validate_fmu
 
 from desat.files import own
@@ -450,3 +453,126 @@ def test_a_spacecraft_of_ones_own_is_checked_by_what_it_declares(
         messages = "\n".join(run.manifest.warnings)
         assert "not checked: momentum_residual" in messages
         assert "declares no total momentum (momentum_eci)" in messages
+
+
+EVERY_STEP = """
+from __future__ import annotations
+
+from desat.components.contract.roles import {base}
+
+
+class Mine({base}):
+    \"\"\"Mine\"\"\"
+
+    def compute(self, t: float, dt: float) -> None:
+        self.{command} = (0.0, 0.0, 1e-6)
+{more}
+"""
+
+
+MORE = """
+        self.tau_cmd_wheel = (0.0, 0.0, 0.0, 0.0)
+        self.tau_cmd_thruster_body = (0.0, 0.0, 0.0)
+        self.mode = 1
+"""
+
+
+# --- the page -------------------------------------------------------------------------
+
+
+def page_files() -> dict[str, str]:
+    """The block files that docs/own-block.md shows, by name."""
+    text = (ROOT / "docs/own-block.md").read_text(encoding="utf-8")
+    found = re.findall(r'```python\n("""(\w+\.py)""".*?)```', text, re.DOTALL)
+    return {name: code for code, name in found}
+
+
+@pytest.mark.parametrize(
+    ("name", "target", "sets"),
+    [
+        ("my_law.py", "integrated/mil-nadir", []),
+        (
+            "bdot_band.py",
+            "integrated/velocity-b-dot",
+            ["manager.sample_time=2", "manager.threshold=3e-7"],
+        ),
+    ],
+)
+def test_a_block_of_the_page_flies_native(cache, tmp_path, name, target, sets):
+    file = tmp_path / name
+    file.write_text(page_files()[name])
+    assert own.build(file).reason == ""
+    options = Options(sources=[f"manager={file}"], sets=sets, stop=100.0)
+    run = execute(target, options)
+    assert run.manifest.completed
+    assert run.results.values("manager.m_cmd_body").any()
+
+
+def test_the_dead_band_of_the_page_is_one(cache, tmp_path):
+    """It samples every 2 s: its command changes nowhere else, and is 0 below the band."""
+    file = tmp_path / "bdot_band.py"
+    file.write_text(page_files()[file.name])
+    sets = ["manager.sample_time=2", "manager.threshold=5e-6", "manager.gain=1e-5"]
+    options = Options(sources=[f"manager={file}"], sets=sets, stop=200.0)
+    run = execute("integrated/velocity-b-dot", options)
+    times = run.results.times()[:-1]
+    command = run.results.values("manager.m_cmd_body")
+    changes = np.flatnonzero(np.any(command[1:] != command[:-1], axis=1)) + 1
+    assert len(changes) > 10
+    assert np.allclose(times[changes] % 2.0, 0.0)
+    field = run.results.values("magnetometer.b_body")
+    samples = np.flatnonzero(np.isclose(times % 2.0, 0.0))[1:]
+    before = np.linalg.norm(field[samples[1:]] - field[samples[:-1]], axis=1) / 2.0
+    is_off = ~command[samples[1:]].any(axis=1)
+    assert is_off.any()
+    assert not is_off.all()
+    assert before[is_off].max() < 5.01e-6
+    assert before[~is_off].min() > 4.99e-6
+
+
+@pytest.mark.parametrize("base", ["Manager", "Controller"])
+def test_a_sample_time_without_effect_is_refused(cache, tmp_path, base):
+    """At 0, which is true, the block flies."""
+    file = tmp_path / "mine.py"
+    command, more = {
+        "Manager": ("m_cmd_body", MORE),
+        "Controller": ("tau_ctrl_body", ""),
+    }[base]
+    file.write_text(EVERY_STEP.format(base=base, command=command, more=more))
+    source = f"{base.lower()}={file}"
+    sets = [f"{base.lower()}.sample_time=0"]
+    options = Options(sources=[source], sets=sets, stop=10.0)
+    assert execute(TARGET, options).manifest.completed
+    reason = "no effect: compute does not call self.due(t), so it runs at every step"
+    for value in ([], [f"{base.lower()}.sample_time=2"]):
+        with pytest.raises(
+            DesatError, match=re.escape(f"s: allowed is 0 alone: {reason}")
+        ):
+            execute(TARGET, replace(options, sets=value))
+
+
+def test_help_says_what_a_block_of_a_role_writes(desat):
+    for role, text in (
+        ("manager", "compute(t, dt): Decide and assign"),
+        ("magnetometer", "due(t), which is there"),
+        ("wheels", "output(t): Set the state outputs"),
+    ):
+        printed = desat("help", "blocks", role, check=True).stdout
+        assert text in " ".join(printed.split())
+
+
+def test_a_bug_of_a_block_is_told_with_its_line(cache, tmp_path):
+    file = tmp_path / "mine.py"
+    text = MAGNETOMETER.replace("BEGIN", "pass").replace(
+        "b_bdy = b", "b_body = b[0][1]"
+    )
+    file.write_text(text)
+    line = text[: text.index("b[0][1]")].count("\n") + 1
+    options = Options(
+        sources=[f"magnetometer={file}"],
+        sets=["magnetometer.sample_time=0"],
+        stop=10.0,
+    )
+    run = execute(TARGET, options)
+    assert not run.manifest.completed
+    assert f"mine.py:{line}: TypeError: 'float' object is not" in run.manifest.message

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import zipfile
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,12 +24,14 @@ from desat.analyses import coverage
 from desat.begin import craft as new_craft
 from desat.begin.facts import CraftFacts
 from desat.campaign.case import row
-from desat.campaign.draws import draws
+from desat.campaign.draws import draws, one
 from desat.campaign.plan import CampaignPlan, digest_of, read
+from desat.campaign.sampling import draw_of
 from desat.cli.commands import run as run_command
 from desat.export.packing import pack_scenario
 from desat.files import library, scenario
 from desat.numbers.derived import pointing
+from desat.runs import prepare as preparing
 from desat.runs import run as running
 from desat.runs import substep_choice
 from desat.runs.run import Options, prepare, resume, simulate
@@ -609,6 +612,26 @@ def test_a_new_craft_states_an_error_that_is_not_exceeded(tmp_path, monkeypatch)
     assert "accuracy 1e-05 rad" in line
 
 
+def test_the_line_names_the_modes_that_change(tmp_path, monkeypatch):
+    """Its estimate supposes that they change at the same samples."""
+    monkeypatch.chdir(tmp_path)
+    new_craft.write(
+        Path("mine"), CraftFacts(size="12U", altitude="400km", rods="0.2"), "new craft"
+    )
+    options = Options(stop=600.0, sources=["manager=manager_integrated"])
+    for low, high in (("0.001", "0.5"), ("0", "1e-4")):
+        thresholds = [f"manager.threshold_off={low}", f"manager.threshold_on={high}"]
+        run = simulate(prepare("mine", replace(options, sets=thresholds)))
+        mode = run.results.values("manager.mode")
+        changes = int(np.count_nonzero(np.diff(mode)))
+        line = run_command.substeps_line(run.manifest)
+        assert (f"manager.mode changes {changes} times" in line) == (changes > 0)
+        again = type(run.manifest.substep_choice).from_json(
+            run.manifest["substep_choice"]
+        )
+        assert again.switches == ({"manager.mode": changes} if changes else {})
+
+
 def test_the_fastest_passage_of_each_wheel_through_zero_is_looked_at():
     t = np.arange(20.0)
     h = np.stack([t - 4.5, 0.1 * t - 1.05, 1.0 + 0.0 * t, 3.0 * (t - 8.5)], axis=1)
@@ -649,3 +672,54 @@ def test_a_craft_that_loses_its_attitude_runs_and_says_that_it_is_not_resolved(
     line = run_command.substeps_line(run.manifest)
     assert "errs by more than the accuracy of 1e-05 rad" in line
     assert "would still err" in line
+
+
+# --- many cases -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "inputs", [{"size": "6U"}, {"size": "3U", "altitude": "550km"}]
+)
+def test_cases_choose_once_and_state_an_error_that_holds(tmp_path, monkeypatch, inputs):
+    """Of cases that the choice was not made from; kept series have the same bits."""
+    monkeypatch.chdir(tmp_path)
+    new_craft.write(Path("mine"), CraftFacts(**inputs), "desat new craft")
+    source, options = preparing.read("mine"), Options(stop=3000.0)
+    values_of = partial(draw_of, source.to_draw(options.blocks), 3)
+    first = prepare(source, options)
+    choice = substep_choice.choose_for_cases(first, source, options, values_of)
+    again = substep_choice.choose_for_cases(first, source, options, values_of)
+    assert again is choice
+    for number in (5, 9):
+        values = values_of(number)
+        row = one(source, options, 3, number)
+        case = prepare(source, replace(options, values=values))
+        run = simulate(case, choice=choice)
+        numbers = {k: run.manifest.numbers[k].value for k in row.numbers}
+        assert numbers == row.numbers
+        fine = simulate(prepare(source, replace(options, values=values, substeps=64)))
+        q, exact = (r.results.values("spacecraft.q_bi") for r in (run, fine))
+        error = math.radians(pointing(q, exact).max())
+        assert 0.5 * error < run.manifest.substep_choice.estimate < 1e-5
+
+
+def test_a_case_beyond_the_others_is_looked_at_again(tmp_path, monkeypatch):
+    """Ten times as fast: its estimate is raised, or it gets more substeps."""
+    monkeypatch.chdir(tmp_path)
+    new_craft.write(Path("mine"), CraftFacts(size="12U"), "desat new craft")
+    source, options = preparing.read("mine"), Options(stop=1000.0)
+    values_of = partial(draw_of, source.to_draw(options.blocks), 3)
+    first = prepare(source, options)
+    choice = substep_choice.choose_for_cases(first, source, options, values_of)
+    values = {**values_of(5), "spacecraft.omega_start_body": [0.05, -0.05, 0.05]}
+    run = simulate(prepare(source, replace(options, values=values)), choice=choice)
+    found = run.manifest.substep_choice
+    assert found.substeps > choice.substeps or found.estimate > 3.0 * choice.estimate
+
+
+def test_a_passage_that_was_seen_is_not_looked_at_again():
+    t = np.arange(20.0)
+    h = np.stack([t - 4.5, 0.1 * t - 1.05], axis=1)
+    assert substep_choice._crossings(h, 0, (0.9, 0.01)) == [10]
+    assert substep_choice._crossings(h, 0, (0.9, 0.1)) == []
+    assert substep_choice._crossings(h, 0, (0.0, 0.0)) == [4, 10]

@@ -407,7 +407,7 @@ def test_the_same_page_comes_out_again_and_needs_no_server(exported_page, craft)
         (["--slider", "manager.sample_time=1:10"], "what the loop is written out with"),
         (
             ["--source", "environment=environment_tle"],
-            "environment_tle has no C, it runs as",
+            "environment_tle is a block of Python without",
         ),
         (["--step", "10"], "sample_time"),
         (["--law", "b_dot"], "--law b dot: it brakes a tumbling craft"),

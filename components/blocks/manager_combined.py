@@ -113,7 +113,12 @@ class ManagerCombined(ThrusterDumping):
         return n, self._split(n)
 
     def _split(self, n: Vec3) -> blending.Split:
-        """Split the dumping torque (N m) by the law that is selected."""
+        """Split the dumping torque n (N m, body) between torquers and thrusters.
+
+        Returns the torquers' dipole (A m2) and the thrusters' torque (N m), by the law
+        that `split` selects. Without a valid field the thrusters give all of it. The
+        bounded laws contain the dipole's limits and a dead coil already.
+        """
         b = self.b_body
         if not self.valid_b:
             return blending.dct(n, b)

@@ -153,7 +153,9 @@ class _Declaration:
         declared_shape = options.pop("shape", None)
         shape = declared_shape if shape is None else shape
         if shape is None:
-            raise TypeError(f"{place}: a Table needs a shape")
+            raise TypeError(
+                f"{place}: a Table needs a shape, as Parameter(..., shape=(5,))"
+            )
         choices = tuple(options.pop("choices", ()))
         size = math.prod(shape)
         start = options.pop("start", None)

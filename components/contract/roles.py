@@ -38,7 +38,10 @@ class Computer(Sampled):
 
     @abstractmethod
     def compute(self, t: float, dt: float) -> None:
-        """Decide and assign the interval outputs, as `advance` does in other blocks."""
+        """Decide and assign the interval outputs, in the step of dt (s) from t (s) on.
+
+        It is called at every step; `if not self.due(t): return` leaves all but samples.
+        """
 
     @abstractmethod
     def commands(self) -> tuple[float, ...]:

@@ -28,6 +28,7 @@ from ..maths.vector import (
     sub,
 )
 
+#: Torquers' dipole (A m2) and thrusters' torque (N m), body.
 Split = tuple[Vec3, Vec3]
 _Held = tuple[float | None, float | None, float | None]
 

@@ -50,7 +50,7 @@ def gains(
     n_con: Triple,
     times: Array,
 ) -> tuple[Array, Array]:
-    """Integrate K (nodes, 6; 1/(T2 s)) and g (nodes, 3; A m2/T) of eq. 11.
+    """Integrate gain K (nodes, 6; 1/(T2 s)) and offset g (nodes, 3; A m2/T) of eq. 11.
 
     `times` (s) rise to t_f. K' = -K W - W'K + K S K - F and g' = -(W - S K)' g + K
     N_con, backwards from K(t_f) = 0 and g(t_f) = 0 (notes, item 5), to 1e-10 of their
@@ -63,7 +63,7 @@ def gains(
     unit = sqrt(largest / np.linalg.norm(reach(field(times[-1]), dipole_weight), 2))
 
     def slope(t: float, y: Array) -> Array:
-        """Return the time derivative of the scaled K (six numbers) and g."""
+        """Return K' (upper triangle) and g' of the Riccati equation, over `unit`."""
         k, g = unit * y[:6][_FULL], unit * y[6:]
         s = reach(field(t), dipole_weight)
         turned = k @ w

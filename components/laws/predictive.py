@@ -371,8 +371,9 @@ def _sweep_forward(
 ) -> float:
     """Fill `new_u` and `new_path` with a plan a `fraction` of a Newton step on.
 
-    u that would pass a limit is limited, and what this leaves over is fed back to the
-    intervals that follow. Returns J of the new plan.
+    A control u beyond its limit is set to the limit. The momentum then differs from the
+    step's, and the next intervals correct the difference by feedback. Returns the cost
+    J of the new plan; its unit is that of `price` u^2 dt.
     """
     cost, x = 0.0, problem.start
     change = ZERO

@@ -498,7 +498,10 @@ class Calls(Expressions):
         )
 
     def _call_library(self, node: ast.Call, thing: Any, name: str) -> Value:
-        """Translate a call of `bisect` or of a function of `math` that is no plain call."""
+        """Translate to C a call of `bisect`, or of a function of `math` without its like.
+
+        C has no radians and degrees, and isfinite, isnan and isinf return no bool there.
+        """
         if thing in (bisect.bisect_right, bisect.bisect_left, bisect.bisect):
             return self.bisected(
                 node, "left" if thing is bisect.bisect_left else "right"

@@ -147,7 +147,10 @@ def _refused_targets(order: Order, n: ast.AST) -> Iterator[tuple[ast.AST, str, s
 def _refused_assignments(
     n: ast.AST, lists: set[str]
 ) -> Iterator[tuple[ast.AST, str, str]]:
-    """Yield an assignment that gives a list a second name."""
+    """Yield assignments that are refused, with what is wrong and what to write instead.
+
+    They assign an element and something else at once, or give a list a second name.
+    """
     match n:
         case ast.Assign(targets=[_, _, *_] as targets) if any(
             isinstance(t, ast.Subscript) for t in targets

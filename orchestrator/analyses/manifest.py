@@ -75,10 +75,16 @@ class SubstepChoice:
     # For flights that did not see the whole run: largest turning (rad/s), acceleration
     # by actuators and change of that (rad/s2).
     reached: tuple[float, float, float] | None = None
+    # Largest change in a step of each wheel's momentum (N m s) where it passes zero in
+    # the flights; 0: it does not.
+    crossed: tuple[float, ...] = ()
     flown: int = 0  # substeps of all flights
     # reason for each repetition of the run
     again: list[str] = field(default_factory=list)
     seconds: float = 0.0  # s, CPU time of the choice
+    # How often discrete outputs of the momentum manager change in the run. A change at
+    # another sample is not in the estimate.
+    switches: Mapping[str, int] = field(default_factory=dict)
 
     def to_json(self) -> JsonObject:
         """Return it as the manifest has it."""
@@ -89,7 +95,14 @@ class SubstepChoice:
         """Read it from a manifest."""
         seen = document["reached"]
         tried = {int(n): e for n, e in document["tried"].items()}
-        return cls(**{**document, "tried": tried, "reached": seen and tuple(seen)})
+        return cls(
+            **{
+                **document,
+                "tried": tried,
+                "reached": seen and tuple(seen),
+                "crossed": tuple(document.get("crossed", ())),
+            }
+        )
 
 
 @dataclass(frozen=True, eq=False)

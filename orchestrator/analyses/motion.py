@@ -120,9 +120,9 @@ class Steps:
         z = 1.0 - e
 
         def basis(s: float) -> tuple[float, float, float]:
-            """Compute the Hermite basis for value and two derivatives at 0, at s.
+            """Compute the quintic Hermite basis of value, slope and curvature at 0, at s.
 
-            It is 0 with all three derivatives at 1.
+            At s = 1 each function, its slope and its curvature are 0. No units.
             """
             c = (1.0 - s) ** 3
             return (
@@ -192,10 +192,10 @@ def is_known_body(system: System, body: str) -> bool:
 
 
 def feeds(system: System, body: str) -> Feeds | None:
-    """Find the series that feed the inputs of a body.
+    """Find what feeds each input of a body: a recorded series, or constant values.
 
-    None for another block than ours, and for an input that arrives changed (factor,
-    unit) or not at every step.
+    An input that is not wired has its constant values. None for a body that is no block
+    of ours, and where an input arrives changed (factor, unit) or not at every step.
     """
     component = system.components[body]
     interface = component.interface
@@ -250,9 +250,11 @@ def recorded_inputs(
 def torque(
     parameters: Mapping[str, Parameter], x: dict[str, Array], dt: float | Array
 ) -> Torque:
-    """Build the function of the torque on a body in steps of dt (s).
+    """Build the function that computes the external torque on a body in steps of dt (s).
 
-    The parameters are as a manifest has them, and x are the inputs at each step.
+    The function takes a share of a step (0 to 1) and the attitudes there (steps, 4),
+    and returns the torques (steps, 3; N m, body). The parameters are as a manifest has
+    them, and x are the body's recorded inputs at each step.
     """
     values = _ALWAYS | {k: p.value for k, p in parameters.items()}
     return _ExternalTorque(values, x, dt)

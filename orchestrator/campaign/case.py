@@ -19,6 +19,7 @@ from ..language.scenario import Plot
 from ..report.report import write_report
 from ..runs.prepare import prepare
 from ..runs.run import Run, simulate
+from ..runs.substep_choice import choose_for_cases
 from ..system.errors import DesatError, Exit
 from .draws import STOPPED, ran
 from .plan import CampaignPlan, source, system
@@ -77,7 +78,7 @@ def _ran(plan: CampaignPlan, values: Mapping[str, Drawn], supervised: bool) -> C
     plots = content_of(system(plan).about).plots
     chosen = {name: plots[name] for name in plan.curves}
     signals = [signal for plot in chosen.values() for signal in plot.signals]
-    ended = ran(source(plan), options, values, signals, look)
+    ended = ran(source(plan), options, values, signals, look, plan.sample_values)
     return CaseRow(
         **{**vars(ended), "described": {**ended.described, **numbers}}, curves=curves
     )
@@ -142,8 +143,10 @@ def _envelope(
 def repeat(plan: CampaignPlan, number: int, into: Path) -> Run:
     """Run a case again and keep its series and report in a folder."""
     options = replace(plan.options, supervised=True, call_limit=plan.limit)
-    options = replace(options, values={**options.values, **plan.values(number)})
-    run = simulate(prepare(source(plan), options), into)
+    values = {**options.values, **plan.values(number)}
+    case = prepare(source(plan), replace(options, values=values))
+    choice = choose_for_cases(case, source(plan), options, plan.sample_values)
+    run = simulate(case, into, choice=choice)
     if run.code == Exit.SPACE or run.code > STOPPED:
         run.or_raise(plan.target)
     write_report(into, run)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 from ..analyses import Analysis, analyses, coverage
@@ -18,6 +19,7 @@ from ..numbers.numbers import late
 from ..runs.prepare import Target, prepare, read, with_stop, with_values
 from ..runs.progress import progress as shown
 from ..runs.run import Options, Run, simulate
+from ..runs.substep_choice import choose_for_cases
 from ..system.errors import DesatError, Exit, RunError
 from ..system.model import AUTO, System
 from ..system.parameters import parse_assignment
@@ -179,9 +181,13 @@ def one(source: Target, options: Options, seed: int, draw: int | None) -> RunRow
         If the run could not begin or was stopped; the message names target and draw.
     """
     target = source.text
-    values = {} if draw is None else draw_of(source.to_draw(options.blocks), seed, draw)
+    values_of = None
+    if draw is not None:
+        values_of = partial(draw_of, source.to_draw(options.blocks), seed)
+    values = {} if values_of is None else values_of(draw)
     try:
-        return replace(ran(source, options, values), number=draw)
+        row = ran(source, options, values, values_of=values_of)
+        return replace(row, number=draw)
     except DesatError as error:
         place = target if draw is None else f"{target}: draw {draw}"
         lines = "\n".join(f"{place}: {x}" for x in str(error).splitlines())
@@ -194,18 +200,23 @@ def ran(
     values: Mapping[str, Any],
     also: Sequence[str] = (),
     look: Callable[[Run], None] = lambda run: None,
+    values_of: Callable[[int], Mapping[str, Any]] | None = None,
 ) -> RunRow:
     """Run a source with some values, and return its row.
 
-    Recorded are the series that the numbers need, and `also`. `look` may inspect the
-    run before its results are closed.
+    `values_of` gives those of the first cases, from which substeps are chosen for all;
+    None: the run chooses its own. Recorded are the series that the numbers need, and
+    `also`. `look` may inspect the run before its results are closed.
     """
     case = with_values(source, replace(options, values={**options.values, **values}))
     system, _ = case.or_raise()
     if options.record == ("*",):
         needed = (*series_of_numbers(system), *also)
         case = replace(case, options=replace(case.options, record=needed))
-    run = simulate(case)
+    choice = None
+    if values_of is not None:
+        choice = choose_for_cases(case, source, options, values_of)
+    run = simulate(case, choice=choice)
     if run.code > STOPPED:
         run.or_raise(source.text)
     manifest = run.manifest

@@ -80,6 +80,13 @@ class CampaignPlan:
         """Draw the values of a case: `component.parameter` -> value."""
         return draw_of(system(self), self.seed, number, self.sampling, self.count)
 
+    def sample_values(self, number: int) -> dict[str, Drawn]:
+        """Draw the values of a case that stands for all, which may lie beyond `count`.
+
+        A sampling that is made for a count of cases has no others.
+        """
+        return self.values(number % self.count if self.sampling in FIXED else number)
+
     def to_json(self) -> JsonObject:
         """Return the plan as its file has it, without default options."""
         usual = vars(Options())

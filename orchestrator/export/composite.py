@@ -203,9 +203,10 @@ class Composite:
                 yield f"{target} = {value};"
 
     def _opened(self, causality: str, name: str = "") -> Iterator[str]:
-        """Yield the statements that set components from variables of the loop.
+        """Yield the C statements that copy the loop's variables to its components.
 
-        They are those of one component, or of all without `name`.
+        The variables are those of a causality. The components are the one of that
+        `name`, or all without.
         """
         for n, v in enumerate(self._variables):
             if v.causality == causality:
@@ -313,7 +314,11 @@ class Composite:
     # --- initialisation ---------------------------------------------------------------
 
     def _settling(self) -> Iterator[str]:
-        """Yield one exchange of values in initialisation mode, in master's order."""
+        """Yield the C statements of one exchange of values before the first step.
+
+        As our master does in initialisation mode, each component in turn receives its
+        inputs, computes its outputs and passes them on.
+        """
         for name, member in self._master.members.items():
             gathers = member.gathers(
                 self._master.live, lambda slot: True, started=False

@@ -221,7 +221,9 @@ def _unit(component: Component) -> tuple[str, str]:
     model = component.interface.model
     with zipfile.ZipFile(fmu.path) as archive:
         if f"sources/{model}.c" not in archive.namelist():
-            raise DesatError(f"{name}: {model} has no C, it runs as Python; {instead}")
+            raise DesatError(
+                f"{name}: {model} is a block of Python without a translation to C; {instead}"
+            )
         text = archive.read(f"sources/{model}.c").decode()
     return model, text.replace("desat_the_block", f"desat_{model}_block")
 
@@ -255,7 +257,11 @@ _OF_END = "after a step: of its end"
 
 
 def _declared(v: Scalars, inputs: tuple[str, ...], on: dict[str, set[str]]) -> Variable:
-    """Return a variable of the loop as the variable of a block."""
+    """Declare a variable of the exported loop's FMU, as blocks declare theirs.
+
+    `inputs` are the loop's inputs, from which its outputs start. `on` has the inputs on
+    which each output depends.
+    """
     signal = v.signals[0][0][1]
     index = v.elements[-1].removeprefix(v.name)
     low, high = (

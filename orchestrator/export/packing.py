@@ -232,8 +232,8 @@ def _whole_arrays(system: System) -> list[_Ends]:
             indices = [s.name.removeprefix(name) for s in arrays[name]]
             if [*elements] != indices or [*elements.values()] != indices:
                 raise DesatError(
-                    f"{system.place}: {component}.{name} is not wired as a whole, element by "
-                    "element: without --arrays it can be packed"
+                    f"{system.place}: {component}.{name}: its elements are not all wired, in "
+                    "their order, to one array: pack it without --arrays"
                 )
     return list(found)
 

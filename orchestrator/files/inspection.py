@@ -89,7 +89,7 @@ class RoleFit:
             ("has inputs of its own", self.open_inputs),
         ):
             parts += [f"{heading} {', '.join(names)}"] if names else []
-        return f"{self.role}: {self.fit}; {'; '.join(parts)}"
+        return "; ".join([f"{self.role}: {self.fit}", *parts])
 
 
 @dataclass(frozen=True)

@@ -66,8 +66,9 @@ def key(
 ) -> Any:
     """Declare a key of the language, with its sentence and its `Declared` properties.
 
-    Without a `default` it is that of its type: "", (), {} or False if nobody can write
-    that, and None for others.
+    `default` is the value of a key that a file does not contain. By convention it is
+    the empty value of the type ("", (), {}, False) where a file may not contain that,
+    and None elsewhere, so that a missing key differs from each value in a file.
     """
     field_info = Field(default, description=text, **limits)
     field_info.metadata.append(Declared(unit, use, inherited))

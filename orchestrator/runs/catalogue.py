@@ -92,7 +92,10 @@ def of_folder(folder: Path) -> Family:
 
 
 def _load(name: str, of_systems: bool) -> Family:
-    """Read a family's scenarios and check them."""
+    """Read a family's scenarios, with a line for each that is not valid.
+
+    With `of_systems` each system is checked too, not its file alone.
+    """
     from ..files import scenario
 
     good, lines = scenario.readable(name)

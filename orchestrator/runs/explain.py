@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
-from desat.components.contract.block import Block
+from desat.components.contract.block import Block, Sampled
 from desat.components.contract.fitting import needs_of
 from desat.components.contract.roles import Manager
 from desat.fmus import registry
@@ -279,7 +279,9 @@ def blocks(selection: str | None) -> tuple[str, list[dict[str, str]]]:
                     }
                 )
         block = registry.block_class(selection)
-        return "\n\n".join(filter(None, (inspect.getdoc(block), _laws(block)))), rows
+        role = role_classes().get(selection)
+        parts = [inspect.getdoc(block), _laws(block), _own(role) if role else ""]
+        return "\n\n".join(filter(None, parts)), rows
     roles = sorted({i.role for i in known.values()})
     if selection is not None and selection not in roles:
         raise DesatError(
@@ -313,8 +315,40 @@ def _role(
         }
         for v in declared.variables
     ]
-    text = inspect.getdoc(declared) or ""
-    return "\n\n".join([text, "Blocks:\n" + "\n".join(blocks_of_role)]), rows
+    parts = [
+        inspect.getdoc(declared) or "",
+        "Blocks:\n" + "\n".join(blocks_of_role),
+        _own(declared),
+    ]
+    return "\n\n".join(parts), rows
+
+
+def _own(role: type[Block]) -> str:
+    """Describe what a user's block of a role writes."""
+    lines = "\n".join(_methods(role))
+    return (
+        f"A block of your own in the role {role.role} writes (desat help own-block):\n"
+        f"{lines}"
+    )
+
+
+def _methods(role: type[Block]) -> Iterator[str]:
+    """Describe the methods that a block of a role writes, a line each."""
+    names = [
+        n for n in dir(role) if getattr(getattr(role, n), "__isabstractmethod__", False)
+    ]
+    for name in names or ("start", "output", "advance"):
+        method = getattr(role, name)
+        arguments = ", ".join(inspect.signature(method).parameters)
+        text = " ".join((inspect.getdoc(method) or "").split())
+        yield f"{name}({arguments}): {text}".replace("(self, ", "(").replace(
+            "(self)", "()"
+        )
+    if not names and issubclass(role, Sampled):
+        yield (
+            "due(t), which is there: whether a sample falls on the step from t (s) on; "
+            "call it once a step"
+        )
 
 
 def _laws(block: type[Block]) -> str:

@@ -24,7 +24,7 @@ from ..analyses import (
     residual,
     wheels,
 )
-from ..analyses.manifest import Manifest
+from ..analyses.manifest import Manifest, SubstepChoice
 from ..analyses.motion import period_of
 from ..engine.instances.isolated import CAN
 from ..engine.master import MasterPool
@@ -82,6 +82,8 @@ class Target:
     _to_draw: dict[bool, Builder] = field(default_factory=dict)
     # first prepared case, by the options without values
     _first: dict[str, Case] = field(default_factory=dict)
+    # substeps that cases with drawn values begin with, by the options without these
+    substep_choices: dict[str, SubstepChoice | None] = field(default_factory=dict)
 
     def builder(self, options: Options = DEFAULT) -> Builder:
         """Begin its system on bare blocks or FMUs.

@@ -179,9 +179,11 @@ def simulate(
     folder: Path | None = None,
     progress: bool = False,
     checkpoint: Checkpoint | None = None,
+    choice: SubstepChoice | None = None,
 ) -> Run:
     """Run a prepared case; with `folder` None the series stay in memory.
 
+    `choice` is that of the substeps with which the run begins; None: it chooses itself.
     With `checkpoint` the run continues from there, in the folder of the run that was
     ended (`resume`).
 
@@ -201,11 +203,8 @@ def simulate(
         If a signal stops it before it has begun.
     """
     system, _ = case.or_raise()
-    choice = (
-        substep_choice.choose(case.target, system, case.options)
-        if checkpoint is None
-        else None
-    )
+    if checkpoint is None and choice is None:
+        choice = substep_choice.choose(case.target, system, case.options)
     if checkpoint is not None:
         choice = Manifest.from_json(checkpoint.about["manifest"]).substep_choice
     for attempts_left in reversed(range(substep_choice.AGAIN)):
@@ -244,6 +243,8 @@ def _with_inner(case: Case, choice: SubstepChoice | None) -> Case:
 
 def _tell(run: Run, choice: SubstepChoice, folder: Path | None) -> None:
     """Add the result of a second substep choice to a run's manifest."""
+    known = run.manifest.substep_choice
+    choice = replace(choice, switches=known.switches if known else {})
     manifest = replace(run.manifest, substep_choice=choice)
     manifest = replace(
         manifest,
@@ -302,9 +303,12 @@ def _simulate(
         outcome, results = _simulate_apart(case, folder, manifest, progress, checkpoint)
     else:
         outcome, results = step(case, folder, manifest, progress, checkpoint)
+    if choice is not None:
+        choice = replace(choice, switches=substep_choice.switches(system, results))
     run = Run(
         replace(
             manifest,
+            substep_choice=choice,
             warnings=[*manifest.warnings, *outcome.warnings],
             status=outcome.status,
             message=outcome.message,

@@ -24,13 +24,15 @@ accuracy. The fastest passage of each wheel through zero is flown again, as fric
 makes an error of the first power there. If no count suffices, the run is made with
 `FALLBACK` substeps and states its error.
 
+The cases of a campaign begin with one choice for all (`choose_for_cases`).
+
 Nothing depends on a clock: the choice for a system is the same everywhere.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
 from functools import partial
 from itertools import pairwise
@@ -53,10 +55,10 @@ from ..engine.recording.results import Results
 from ..files import library
 from ..numbers.derived import pointing
 from ..system.errors import DesatError
-from ..system.model import AUTO, MOST_SUBSTEPS, Component, System
+from ..system.model import AUTO, MOST_SUBSTEPS, Component, System, Values
 from ..system.options import Options
 from ..system.schedule import schedule
-from .prepare import isolated_in, to_isolate
+from .prepare import Case, Target, isolated_in, prepare, to_isolate
 
 T = TypeVar("T")
 
@@ -82,12 +84,18 @@ GAIN = 1.2  # a run leaves the range of its flights beyond this factor
 FAR_BELOW = 0.1  # An estimate below this share of the accuracy needs no confirmation.
 # Factor on such an estimate: with it the error may fall with the first power.
 UNCONFIRMED = 1.5
+SAMPLES = 4  # cases from which the substeps of many cases are chosen
 AGAIN = 3  # largest number of times that a run is made
 STEEPEST = 3.0  # largest power of time for the extrapolation of an estimate
 
 
-def choose(target: str, system: System, options: Options) -> SubstepChoice | None:
+def choose(
+    target: str, system: System, options: Options, *, for_others: bool = False
+) -> SubstepChoice | None:
     """Choose the substeps of a checked system; None where they are given.
+
+    With `for_others` the choice has the range of its flights even if these cover the
+    run, because other cases may go beyond it.
 
     Where flights are impossible or a component fails in one, and with foreign FMUs
     where no count is accurate enough, the choice is one substep, with the reason.
@@ -106,7 +114,7 @@ def choose(target: str, system: System, options: Options) -> SubstepChoice | Non
         return _apart(
             system,
             options,
-            partial(_choice_of, target, system, options),
+            partial(_choice_of, target, system, options, for_others),
         )
     except ComponentError as error:
         return SubstepChoice(
@@ -119,13 +127,69 @@ def choose(target: str, system: System, options: Options) -> SubstepChoice | Non
         return SubstepChoice(1, system.accuracy, why=str(error))
 
 
-def _choice_of(target: str, system: System, options: Options) -> SubstepChoice:
+def _choice_of(
+    target: str, system: System, options: Options, for_others: bool
+) -> SubstepChoice:
     """Choose by short flights where these are far below the accuracy, else by long."""
     quick = None
     if system.accuracy >= LOOSE:
-        flights = _Flights(system, options, 1, QUICK)
+        flights = _Flights(system, options, 1, QUICK, for_others)
         quick = flights.choice_of_first(FAR_BELOW * system.accuracy)
-    return quick or _Flights(system, options, 1, LONGEST).choice(target)
+    return quick or _Flights(system, options, 1, LONGEST, for_others).choice(target)
+
+
+def choose_for_cases(
+    case: Case, source: Target, options: Options, values_of: Callable[[int], Values]
+) -> SubstepChoice | None:
+    """Choose the substeps that a case begins with, one of many with drawn values.
+
+    They are chosen once a process for all cases of the source, from the first `SAMPLES`
+    cases, of which `values_of` gives the values: the largest count with the largest
+    estimate, and the range of all their flights. A case that goes beyond this range is
+    checked again like any run. None where the substeps are given, and where each case
+    chooses for itself: with an accuracy finer than `LOOSE`, and where one of these
+    cases has no estimate.
+    """
+    if case.or_raise()[0].substeps != AUTO:
+        return None
+    key = repr((options, [sorted(values_of(k).items()) for k in range(SAMPLES)]))
+    if key not in source.substep_choices:
+        cases = [
+            replace(options, values={**options.values, **values_of(k)})
+            for k in range(SAMPLES)
+        ]
+        source.substep_choices[key] = _choice_for_all(source, cases)
+    return source.substep_choices[key]
+
+
+def _choice_for_all(source: Target, cases: Sequence[Options]) -> SubstepChoice | None:
+    """Choose what suffices for all of these cases; None where one has no estimate."""
+    choices: list[SubstepChoice] = []
+    for options in cases:
+        try:
+            system, _ = prepare(source, options).or_raise()
+            if system.accuracy < LOOSE:
+                return None
+            choice = choose(source.text, system, options, for_others=True)
+        except DesatError:  # the other cases may be valid
+            return None
+        if choice is None or choice.why or choice.estimate is None:
+            return None
+        choices.append(choice)
+    largest = max(choices, key=lambda c: c.substeps)
+    seen = [c.reached for c in choices if c.reached is not None]
+    return replace(
+        largest,
+        # with more substeps the errors of the others fall, at least in proportion
+        estimate=max(
+            (c.estimate or 0.0) * c.substeps / largest.substeps for c in choices
+        ),
+        steps=0,  # none of these steps is a case's
+        reached=tuple(map(max, *seen)),  # type: ignore[arg-type]
+        crossed=tuple(map(max, *(c.crossed for c in choices))),
+        flown=sum(c.flown for c in choices),
+        seconds=sum(c.seconds for c in choices),
+    )
 
 
 def _apart(system: System, options: Options, flying: Callable[[], T]) -> T:
@@ -174,7 +238,7 @@ def choose_again(
     looks = [(k, text, LOOK) for k, text in beyond] if grown is None else []
     looks += [
         (k, f"at t = {found.times[k]:g} s a wheel passes zero", CROSSING)
-        for k in _crossings(h, choice.steps)
+        for k in _crossings(h, choice.steps, choice.crossed)
         if is_loose and k < len(found.times)
     ]
     for k, text, steps in looks:
@@ -205,6 +269,24 @@ def choose_again(
             seconds=more.seconds + there.seconds,
         )
     return None if more is choice else more
+
+
+def switches(system: System, results: Results) -> dict[str, int]:
+    """Count the changes of the momentum manager's recorded modes and flags.
+
+    Those that do not change are left out.
+    """
+    manager = system.roles.get("manager")
+    if manager is None:
+        return {}
+    counts = {}
+    for signal in manager.interface.outputs:
+        series = f"{manager.name}.{signal.series}"
+        is_discrete = signal.kind == "Boolean" or bool(signal.choices)
+        if is_discrete and series in results.names():
+            values = np.asarray(results.values(series))
+            counts[series] = int(np.count_nonzero(values[1:] != values[:-1]))
+    return {name: count for name, count in counts.items() if count}
 
 
 def decimated(system: System, options: Options) -> Slow | None:
@@ -283,18 +365,31 @@ def _grown(choice: SubstepChoice, found: Reached) -> SubstepChoice | None:
     return replace(choice, estimate=estimate, reached=reached)  # type: ignore[arg-type]
 
 
-def _crossings(h: Array, after: int) -> list[int]:
+def _crossings(h: Array, after: int, seen: Sequence[float] = ()) -> list[int]:
     """Find rows, later than `after`, from which a wheel passes zero (h: N m s).
 
-    At most one of each wheel: the one where its momentum changes fastest.
+    At most one of each wheel: the one where its momentum changes fastest, unless the
+    wheel was seen to pass zero about as fast (N m s a step).
     """
     rows = []
-    for wheel in h[after:].T:
-        passing = np.flatnonzero(wheel[:-1] * wheel[1:] < 0.0)
-        if len(passing):
-            fastest = np.abs(np.diff(wheel)[passing]).argmax()
-            rows.append(after + int(passing[fastest]))
+    for wheel, (row, change) in enumerate(_fastest_crossings(h[after:])):
+        if change > GAIN * (seen[wheel] if wheel < len(seen) else 0.0):
+            rows.append(after + row)
     return sorted(set(rows))
+
+
+def _fastest_crossings(h: Array) -> Iterator[tuple[int, float]]:
+    """Yield for each wheel the row before its fastest passage through zero.
+
+    With the change of momentum (N m s) in the step; both are 0 where there is none.
+    """
+    for wheel in h.T:
+        passing = np.flatnonzero(wheel[:-1] * wheel[1:] < 0.0)
+        changes = np.abs(np.diff(wheel)[passing])
+        if len(passing):
+            yield int(passing[changes.argmax()]), float(changes.max())
+        else:
+            yield 0, 0.0
 
 
 def _beyond(found: Reached, seen: tuple[float, float, float]) -> list[tuple[int, str]]:
@@ -401,8 +496,14 @@ class _Flights:
     """
 
     def __init__(
-        self, system: System, options: Options, least: int, longest: int
+        self,
+        system: System,
+        options: Options,
+        least: int,
+        longest: int,
+        for_others: bool = False,
     ) -> None:
+        self._for_others = for_others
         self._system, self._options, self._longest = (
             _on_natives(system),
             options,
@@ -465,7 +566,7 @@ class _Flights:
     ) -> SubstepChoice:
         """Return the choice of n substeps by a flight of so many rows."""
         seen = None
-        if rows <= self._system.steps:
+        if rows <= self._system.steps or self._for_others:
             seen = reached_by(
                 self._body, *(x[:rows] for x in astuple(flight))
             ).largest()
@@ -476,6 +577,7 @@ class _Flights:
             steps=rows - 1,
             tried=tried,
             reached=seen,
+            crossed=tuple(x for _, x in _fastest_crossings(flight.h[:rows])),
             flown=self._steps,
             seconds=time.process_time() - began,
         )

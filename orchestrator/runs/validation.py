@@ -235,7 +235,7 @@ def _check_dispersion(
             f"{kind}: {variable} has {count} elements, not {needed[kind]}"
         )
     if kind == "direction" and count < 2:
-        raise MisfitError(f"direction: {variable} is no vector")
+        raise MisfitError(f"direction: {variable} has one element; a vector is needed")
     if kind != "one_of":
         type_ = "Integer" if kind == "seed" else "Real"
         if elements[0].kind != type_:

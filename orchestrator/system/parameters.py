@@ -248,9 +248,7 @@ def _scalar(signal: Signal, value: Any, place: str) -> Scalar:
     ):
         return value  # fast path for nearly all of a table's thousands of values
     if isinstance(value, int) and abs(value) > sys.float_info.max:
-        raise DesatError(
-            f"{place}: a number of {len(str(value))} digits: it is too large"
-        )
+        raise DesatError(f"{place}: a number of {len(str(value))} digits is too large")
     if signal.choices and isinstance(value, str):
         return _choice(signal, value, place)
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
@@ -289,6 +287,10 @@ def _within(signal: Signal, value: float, place: str) -> float:
         lowest = "-inf" if low is None else f"{low:.10g}"
         highest = "inf" if high is None else f"{high:.10g}"
         got = value if isinstance(value, int) else f"{value:g}"
+        if lowest == highest:
+            raise DesatError(
+                f"{place} = {got}{unit}: allowed is {lowest} alone: {signal.description}"
+            )
         raise DesatError(f"{place} = {got}{unit}: allowed is {lowest} to {highest}")
     return value
 

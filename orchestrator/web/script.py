@@ -146,7 +146,7 @@ class _Expressions:
         method = getattr(self, f"_{type(node).__name__.lower()}", None)
         if method is None:
             raise DesatError(
-                f"line {node.lineno}: no JavaScript of `{ast.unparse(node)}`"
+                f"line {node.lineno}: this has no translation to JavaScript: `{ast.unparse(node)}`"
             )
         text: str = method(node)
         return text
@@ -175,7 +175,9 @@ class _Expressions:
             return self._constant(ast.Constant(value))
         if isinstance(value, dict):
             return self._program.table_of(node.id, self._scope)
-        raise DesatError(f"line {node.lineno}: no JavaScript of `{node.id}`")
+        raise DesatError(
+            f"line {node.lineno}: this has no translation to JavaScript: `{node.id}`"
+        )
 
     def _tuple(self, node: ast.Tuple | ast.List) -> str:
         return f"[{self._list_of(node.elts)}]"
@@ -213,7 +215,7 @@ class _Expressions:
         """Translate an operator to a call of `numpy.js`."""
         if type(op) not in _OPERATORS:
             raise DesatError(
-                f"line {operands[0].lineno}: no JavaScript of {type(op).__name__}"
+                f"line {operands[0].lineno}: this has no translation to JavaScript: {type(op).__name__}"
             )
         return f"$.{_OPERATORS[type(op)]}({self._list_of(operands)})"
 
@@ -241,7 +243,7 @@ class _Expressions:
             return "Math.PI"
         if node.attr not in ("T", "shape", "ndim"):
             raise DesatError(
-                f"line {node.lineno}: no JavaScript of `{ast.unparse(node)}`"
+                f"line {node.lineno}: this has no translation to JavaScript: `{ast.unparse(node)}`"
             )
         return f"$.{node.attr}({self.of(node.value)})"
 
@@ -259,7 +261,7 @@ class _Expressions:
             return self.of(node)
         if node.step is not None:
             raise DesatError(
-                f"line {node.lineno}: no JavaScript of `{ast.unparse(node)}`"
+                f"line {node.lineno}: this has no translation to JavaScript: `{ast.unparse(node)}`"
             )
         ends = ("null" if x is None else self.of(x) for x in (node.lower, node.upper))
         return f"{{ slice: [{', '.join(ends)}] }}"
@@ -268,7 +270,7 @@ class _Expressions:
         (of,) = node.generators
         if of.ifs or not isinstance(of.target, ast.Name):
             raise DesatError(
-                f"line {node.lineno}: no JavaScript of `{ast.unparse(node)}`"
+                f"line {node.lineno}: this has no translation to JavaScript: `{ast.unparse(node)}`"
             )
         source = self.of(of.iter)
         new = {of.target.id} - self.local
@@ -314,7 +316,7 @@ class _Expressions:
         """Return a function of `numpy.js`, or raise DesatError if it has none."""
         if name not in _KNOWN:
             raise DesatError(
-                f"line {node.lineno}: no JavaScript of `{ast.unparse(node)}`"
+                f"line {node.lineno}: this has no translation to JavaScript: `{ast.unparse(node)}`"
             )
         return f"$.{name}"
 
@@ -392,7 +394,7 @@ class _Function(_Expressions):
                 yield from (line for s in body for line in self._statement(s))
             case _:
                 raise DesatError(
-                    f"line {node.lineno}: no JavaScript of "
+                    f"line {node.lineno}: this has no translation to JavaScript: "
                     f"`{ast.unparse(node).partition(chr(10))[0]}`"
                 )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -59,58 +60,76 @@ def pack(
 
     The files go to ssp/dist/, with native FMUs to ssp/dist/native/.
     """
-    from ...export import packing as pack_module
-    from ...files import library, paths
-    from ...files.scenario import scenarios
-    from ...runs.prepare import read
-    from ...runs.substep_choice import settled
+    from ...files import library
 
     if ssd:
         o.refuse(ctx, "an SSD names FMUs, it has none inside", "fmus", "arrays")
         _write_ssds(names or [], as_json)
         return
     kind = fmus if fmus else "native" if library.portable() else "python"
-    sources: list[tuple[Scenario, Path | None]] = []
-    packed: list[str] = []
-    for name in names or ():
-        scenario = read(name).scenario
-        if scenario is None:
-            packed.append(str(_pack_system(name, kind, arrays)))
-        else:
-            sources.append((scenario, _place_of(name)))
-    if not names:
-        sources = [(scenario, None) for scenario in scenarios().values()]
     messages: list[str] = []
-    packed += [
-        str(
-            pack_module.pack_scenario(
-                scenario,
-                target,
-                force=bool(names),
-                fmus=kind,
-                choose=partial(settled, scenario.name),
-                tell=messages.append,
-                arrays=arrays,
-            )
-        )
-        for scenario, target in sources
-    ]
-    if not names:
-        for unfinished in paths.packed_folder().rglob(
-            "*.part"
-        ):  # left by a command that was killed
-            if time.time() - unfinished.stat().st_mtime > 60.0:
-                unfinished.unlink(missing_ok=True)
+    if names:
+        packed = [_pack(name, kind, arrays, messages.append) for name in names]
+    else:
+        packed = _pack_all(kind, arrays, messages.append)
     for text in messages:
         err.print(f"note: {text}")
     if as_json:
-        print_json(packed)
-    else:
-        python = library.python_alone() if kind == "native" else []
-        if python:
-            text = f"{', '.join(python)}: of Python, also where it is packed: its host needs one"
-            err.print(f"note: {text}")
-        out.print(f"{len(packed)} packed: {os.path.commonpath(packed)}")
+        print_json([str(path) for path in packed])
+        return
+    python = library.python_alone() if kind == "native" else []
+    if python:
+        text = f"{', '.join(python)}: of Python, also where it is packed: its host needs one"
+        err.print(f"note: {text}")
+    out.print(f"{len(packed)} packed: {os.path.commonpath(packed)}")
+
+
+def _pack(name: str, fmus: str, arrays: bool, tell: Callable[[str], None]) -> Path:
+    """Pack what a name, a file or a folder names."""
+    from ...runs.prepare import read
+
+    scenario = read(name).scenario
+    if scenario is None:
+        return _pack_system(name, fmus, arrays)
+    return _pack_scenario(scenario, _place_of(name), True, fmus, arrays, tell)
+
+
+def _pack_all(fmus: str, arrays: bool, tell: Callable[[str], None]) -> list[Path]:
+    """Pack all scenarios that have changed, and remove unfinished files."""
+    from ...files import paths
+    from ...files.scenario import scenarios
+
+    packed = [
+        _pack_scenario(scenario, None, False, fmus, arrays, tell)
+        for scenario in scenarios().values()
+    ]
+    for unfinished in paths.packed_folder().rglob("*.part"):
+        if time.time() - unfinished.stat().st_mtime > 60.0:  # of a killed command
+            unfinished.unlink(missing_ok=True)
+    return packed
+
+
+def _pack_scenario(
+    scenario: Scenario,
+    place: Path | None,
+    force: bool,
+    fmus: str,
+    arrays: bool,
+    tell: Callable[[str], None],
+) -> Path:
+    """Pack a scenario with the substeps that a run of it begins with."""
+    from ...export.packing import pack_scenario
+    from ...runs.substep_choice import settled
+
+    return pack_scenario(
+        scenario,
+        place,
+        force=force,
+        fmus=fmus,
+        choose=partial(settled, scenario.name),
+        tell=tell,
+        arrays=arrays,
+    )
 
 
 def _pack_system(target: str, fmus: str, arrays: bool) -> Path:

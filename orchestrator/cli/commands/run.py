@@ -321,10 +321,16 @@ def substeps_line(manifest: Manifest) -> str:
             f"{choice.accuracy:g} rad, by up to {min(choice.estimate, pi):.1e} rad "
             f"(estimated): {choice.why}"
         )
-    return (
+    line = (
         f"{count}: the attitude errs by {choice.estimate:.1e} rad at most (estimated; "
         f"accuracy {choice.accuracy:g} rad)"
     )
+    for name, times in choice.switches.items():
+        line += (
+            f"; {name} changes {times} times, and a change at another sample would alter "
+            "more than that"
+        )
+    return line
 
 
 def _report_run(

@@ -119,13 +119,16 @@ class Results:
     """Series of a run."""
 
     def __init__(self, file: Any, rows: int | None = None) -> None:
+        """Take an open file of series, of which `rows` rows hold values; None: all."""
         self._file = file
-        self._computed: dict[str, Any] = {}
-        self._recent: dict[Hashable, Array] = {}
+        self._computed: dict[str, Any] = {}  # results that are kept, by key
+        self._recent: dict[
+            Hashable, Array
+        ] = {}  # arrays kept until others displace them
         self._found: dict[str, Any] = {}  # data sets or columns, by series
         self._names: list[str] = []
         self._index = shared_tables.index(file)
-        self._rows = rows  # number of rows that hold values; None: all
+        self._rows = rows
 
     def once(self, key: str, make: Callable[[], T]) -> T:
         """Compute a result of these series once, at the first request, and keep it."""

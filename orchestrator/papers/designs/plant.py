@@ -131,7 +131,7 @@ class Plant:
         return values if signals[0].name != name else values[0]
 
     def fly(self, **parameters: Any) -> DesignFlight:
-        """Run the scenario with these parameters of its manager."""
+        """Run the scenario with these parameters of its manager; return its series."""
         values = dict(self.manager.parameters)
         place = f"{self.system.name}: manager"
         for name, value in parameters.items():
