@@ -19,7 +19,6 @@ from typer.testing import CliRunner
 from desat import cli
 from desat.components.laws import magnetic, riccati
 from desat.components.laws import magnetic_offline as offline
-from desat.export.packing import pack_scenario
 from desat.files.scenario import find, scenarios
 from desat.fmus.registry import block_class
 from desat.papers.designs import making as design_module
@@ -409,11 +408,11 @@ LAWS, STARTS = ("lqr", "ilqr", "mec", "ccpl"), (1, 2, 3)
 
 @pytest.fixture(scope="module")
 def values():
-    """name -> numbers of the paper's-model scenarios, by FMUs from the packed files."""
+    """name -> numbers of the paper's-model scenarios, by FMUs."""
     names = [n for n in scenarios("uosat12") if "/fig2-" in n and "flight" not in n]
     found = {}
     for name in names:
-        run = execute(str(pack_scenario(find(name))), Options())
+        run = execute(name, Options())
         assert run.ok
         found[name.removeprefix("uosat12/")] = {
             "end": run.results.values("spacecraft.h_copy_wheel")[-1][:3],

@@ -181,10 +181,10 @@ def one(source: Target, options: Options, seed: int, draw: int | None) -> RunRow
         If the run could not begin or was stopped; the message names target and draw.
     """
     target = source.text
-    values_of = None
+    values, values_of = {}, None
     if draw is not None:
         values_of = partial(draw_of, source.to_draw(options.blocks), seed)
-    values = {} if values_of is None else values_of(draw)
+        values = values_of(draw)
     try:
         row = ran(source, options, values, values_of=values_of)
         return replace(row, number=draw)

@@ -280,7 +280,7 @@ def blocks(selection: str | None) -> tuple[str, list[dict[str, str]]]:
                 )
         block = registry.block_class(selection)
         role = role_classes().get(selection)
-        parts = [inspect.getdoc(block), _laws(block), _own(role) if role else ""]
+        parts = [inspect.getdoc(block), _laws(block), _to_write(role) if role else ""]
         return "\n\n".join(filter(None, parts)), rows
     roles = sorted({i.role for i in known.values()})
     if selection is not None and selection not in roles:
@@ -318,12 +318,12 @@ def _role(
     parts = [
         inspect.getdoc(declared) or "",
         "Blocks:\n" + "\n".join(blocks_of_role),
-        _own(declared),
+        _to_write(declared),
     ]
     return "\n\n".join(parts), rows
 
 
-def _own(role: type[Block]) -> str:
+def _to_write(role: type[Block]) -> str:
     """Describe what a user's block of a role writes."""
     lines = "\n".join(_methods(role))
     return (

@@ -185,7 +185,7 @@ def _choice_for_all(source: Target, cases: Sequence[Options]) -> SubstepChoice |
             (c.estimate or 0.0) * c.substeps / largest.substeps for c in choices
         ),
         steps=0,  # none of these steps is a case's
-        reached=tuple(map(max, *seen)),  # type: ignore[arg-type]
+        reached=tuple(map(max, *seen)),
         crossed=tuple(map(max, *(c.crossed for c in choices))),
         flown=sum(c.flown for c in choices),
         seconds=sum(c.seconds for c in choices),
@@ -566,6 +566,9 @@ class _Flights:
     ) -> SubstepChoice:
         """Return the choice of n substeps by a flight of so many rows."""
         seen = None
+        crossed: tuple[float, ...] = ()
+        if self._system.accuracy >= LOOSE:
+            crossed = tuple(x for _, x in _fastest_crossings(flight.h[:rows]))
         if rows <= self._system.steps or self._for_others:
             seen = reached_by(
                 self._body, *(x[:rows] for x in astuple(flight))
@@ -577,7 +580,7 @@ class _Flights:
             steps=rows - 1,
             tried=tried,
             reached=seen,
-            crossed=tuple(x for _, x in _fastest_crossings(flight.h[:rows])),
+            crossed=crossed,
             flown=self._steps,
             seconds=time.process_time() - began,
         )
