@@ -248,7 +248,7 @@ def cost() -> dict[str, str]:
     from fmpy import extract, read_model_description
     from fmpy.fmi2 import FMU2Slave
 
-    from desat.fmus.alone import alone
+    from desat.fmus.alone import alone, sources_of
     from desat.fmus.registry import block_class
     from desat.runs.run import Options, execute
 
@@ -327,7 +327,7 @@ def cost() -> dict[str, str]:
             plan_every = max(1, -(-30 // int(period))) if name != "empty" else 1
             sizes = sorted(plans[plan_every::plan_every])
             found[name] = f"{statistics.median(sizes):.0f} ({sizes[-1]:.0f})"
-    _, (size,) = alone(path, [["gcc"]])
+    _, (size,) = alone(path.stem, sources_of(path), [["gcc"]])
     return found | {"stack_igrf": f"{size.stack:,}", "static_igrf": f"{size.static:,}"}
 
 

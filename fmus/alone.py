@@ -65,18 +65,34 @@ class Size:
         )
 
 
+def sources_of(fmu: Path) -> dict[str, str]:
+    """Read the C files of a native FMU that its block alone needs, by name."""
+    with zipfile.ZipFile(fmu) as archive:
+        return {
+            n: archive.read(f"sources/{n}").decode()
+            for n in (f"{fmu.stem}.c", "block.h", "runtime.c")
+        }
+
+
 def alone(
-    fmu: Path, compilers: Sequence[Sequence[str]] = ()
+    name: str,
+    files: dict[str, str],
+    compilers: Sequence[Sequence[str]] = (),
+    note: str = "",
 ) -> tuple[dict[str, str], list[Size]]:
-    """Return the files NAME.h and NAME.c of a native FMU's block, and their sizes.
+    """Return the files NAME.h and NAME.c of a block, and their sizes.
 
     Parameters
     ----------
-    fmu
-        Path of the native FMU.
+    name
+        Name of the block.
+    files
+        Its C files, those of its native FMU.
     compilers
         Commands of C compilers. Each compiles the files, and its sizes stand in the
         header.
+    note
+        A line that stands in the header.
 
     Returns
     -------
@@ -88,12 +104,6 @@ def alone(
     RuntimeError
         If a compiler does not compile the files.
     """
-    name = fmu.stem
-    with zipfile.ZipFile(fmu) as archive:
-        files = {
-            n: archive.read(f"sources/{n}").decode()
-            for n in (f"{name}.c", "block.h", "runtime.c")
-        }
     code, _, table = files[f"{name}.c"].partition(_AT_START)
     struct = re.search(r"^struct desat_block \{.*?^\};\n", code, re.M | re.S)
     assert struct is not None
@@ -103,7 +113,7 @@ def alone(
     header = _header(name, about, struct[0], types, _VARIABLE.findall(table))
     files_written = {f"{name}.h": header.replace("@SIZES@", ""), f"{name}.c": source}
     sizes = [measured(name, files_written, command) for command in compilers]
-    sizes_text = "".join(f"\n   {size}" for size in sizes)
+    sizes_text = "".join(f"\n   {line}" for line in (note, *sizes) if line)
     return files_written | {f"{name}.h": header.replace("@SIZES@", sizes_text)}, sizes
 
 

@@ -426,18 +426,13 @@ def test_a_plan_is_as_cheap_as_that_of_highs(
     b = np.array([23e-6 * np.cos(u), 2.4e-6 + 0 * u, 46e-6 * np.sin(u)]).T[1:-1]
     fields = tuple(map(tuple, (b[:1].repeat(n, axis=0) if still else b).tolist()))
     limit = tuple(0.0 if axis == dead else 36.0 for axis in range(3))
+    level = (0.04, 0.02, 0.04)
+    start, torque = tuple(h.tolist()), (1e-5, 0.0, 0.0)
     as_cheap(
-        *receding_horizon.programme(
-            tuple(h.tolist()),
-            (0.0, 0.0, 0.0),
-            q,
-            fields,
-            (1e-5, 0.0, 0.0),
-            limit,
-            (0.04, 0.02, 0.04),
-            (10.0, reserve),
-            10.0,
-        )
+        receding_horizon.goal(start, (0.0, 0.0, 0.0), q, torque, 0.04, 10.0),
+        receding_horizon.columns(q, fields, limit, level, 10.0),
+        receding_horizon.costs(n),
+        receding_horizon.bounds(n, (10.0, reserve)),
     )
 
 

@@ -44,11 +44,11 @@ def place(component, signal):
     return f"s->{base}.e[{[e.name for e in elements].index(signal.name)}]"
 
 
-def library(component, folder, inputs, outputs):
+def library(component, folder, inputs, outputs, samples=None):
     """The block of a component, compiled, with its parameters and three functions
     around it."""
     name = component.interface.model
-    (header, source), sizes = export(name, folder)
+    (header, source), sizes = export(name, folder, samples=samples)
     assert [header.name, source.name] == [f"{name}.h", f"{name}.c"]
     assert sizes
     assert str(sizes[0]) in header.read_text()
@@ -95,16 +95,17 @@ def library(component, folder, inputs, outputs):
 
 
 @pytest.mark.parametrize(
-    ("target", "expected"),
+    ("target", "expected", "samples"),
     [
-        ("nadir_day/day-dipole", ""),
-        ("uosat12/table3-ocdc-ilqr-1", "manager"),
-        ("hausat2/start-up-ours", "manager"),
-        ("integrated/mil-nadir", "manager"),
-        ("space_telescope/ours-nominal", "manager"),
+        ("nadir_day/day-dipole", "", None),
+        ("uosat12/table3-ocdc-ilqr-1", "manager", None),
+        ("uosat12/beyond-receding_horizon-ilqr-1", "manager", 60),
+        ("hausat2/start-up-ours", "manager", None),
+        ("integrated/mil-nadir", "manager", None),
+        ("space_telescope/ours-nominal", "manager", None),
     ],
 )
-def test_it_replays_a_run_with_its_bits(tmp_path, target, expected):
+def test_it_replays_a_run_with_its_bits(tmp_path, target, expected, samples):
     """Fed with what was recorded of the run."""
     system, _ = prepare(target, Options()).or_raise()
     stop = system.start + min(STEPS, system.steps) * system.step
@@ -125,7 +126,11 @@ def test_it_replays_a_run_with_its_bits(tmp_path, target, expected):
         feeds = [c for c in system.connections if c.target == component.name]
         outputs = [s.name for s in component.interface.outputs if s.name != "fault"]
         it = library(
-            component, tmp_path / component.name, [c.input for c in feeds], outputs
+            component,
+            tmp_path / component.name,
+            [c.input for c in feeds],
+            outputs,
+            samples,
         )
         rows = (
             np.column_stack(
@@ -161,10 +166,46 @@ def test_it_replays_a_run_with_its_bits(tmp_path, target, expected):
     assert compared > 1000 or expected
 
 
+def test_a_plan_has_room_for_the_samples_that_are_asked_for(tmp_path, desat):
+    """The stack follows, and a longer horizon is refused."""
+    name, stacks = "manager_receding_horizon", []
+    for samples in (20, 60, None):
+        option = ["--samples", str(samples)] if samples else []
+        place = ["--out", str(tmp_path / str(samples)), "--json"]
+        done = desat("export", "c", name, *option, *place, check=True)
+        stacks.append(json.loads(done.stdout)["sizes"][0]["stack"])
+    if stacks[0] is not None:  # another compiler than gcc
+        assert stacks[0] < stacks[1] < 100_000 < stacks[2]
+    header = (tmp_path / "60" / f"{name}.h").read_text()
+    assert "room for plans of at most 60 samples" in header
+    case = prepare("uosat12/beyond-receding_horizon-ilqr-1", Options(stop=200.0))
+    component = case.or_raise()[0].components["manager"]
+    for count, refused in ((20, True), (60, False)):
+        it = library(component, tmp_path / f"lib{count}", [], [], count)
+        it.set()
+        assert bool(it.start(0.0)) is refused
+
+
+@pytest.mark.parametrize(
+    ("inputs", "message"),
+    [
+        (["manager_receding_horizon", "--samples", "0"], "has room for 1 to 600"),
+        (["manager_receding_horizon", "--samples", "601"], "has room for 1 to 600"),
+        (["manager_b_dot", "--samples", "9"], "manager_b_dot makes no plan of samples"),
+    ],
+)
+def test_samples_that_do_not_fit_are_refused(desat, tmp_path, inputs, message):
+    done = desat("export", "c", *inputs, "--out", str(tmp_path))
+    assert done.returncode == 2
+    assert message in " ".join(done.stderr.split())
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize("name", NATIVE)
 def test_every_native_block_compiles_alone(tmp_path, name):
     """By a strict C99 compiler; nothing of it takes memory from the heap or writes."""
-    files, _ = alone.alone(paths.fmus() / "native" / f"{name}.fmu")
+    sources = alone.sources_of(paths.fmus() / "native" / f"{name}.fmu")
+    files, _ = alone.alone(name, sources)
     for file, text in files.items():
         (tmp_path / file).write_text(text)
     result = tmp_path / "it.o"

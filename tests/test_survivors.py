@@ -48,7 +48,7 @@ COILS, LEVEL, PERIOD = (36.0, 36.0, 36.0), (0.04, 0.04, 0.04), 10.0
 def test_a_plan_fires_against_a_known_torque():
     """One sample, no field: the on-time is what takes back h + N_con T, axis by axis."""
     h, n_con = (0.05, 0.0, -0.02), (0.01, -0.004, 0.0)
-    plan = receding_horizon.programme(
+    step = receding_horizon.first_step(
         h,
         (0.0, 0.0, 0.0),
         (UPRIGHT,) * 3,
@@ -59,7 +59,6 @@ def test_a_plan_fires_against_a_known_torque():
         (PERIOD, PERIOD),
         PERIOD,
     )
-    step = receding_horizon.first_step(plan, COILS)
     assert step is not None
     expected = [-(a + PERIOD * n) / 0.04 for a, n in zip(h, n_con, strict=True)]
     assert step[1] == pytest.approx(expected, abs=1e-6)

@@ -2,11 +2,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import copysign
+from types import ModuleType
+from typing import ClassVar
 
 from ..bases.dumping import FALLBACK, IDLE, RECEDING_HORIZON, ThrusterDumping
 from ..bases.earth_field import EarthField
 from ..contract.block import Output, Parameter, Vec3, Vec4
 from ..laws import blending, dumping, receding_horizon
+from ..maths import least_effort
 from ..maths.attitude import normalised, product, rotate
 from ..maths.vector import ZERO, add, cross, scale, sub
 from ..physics.orbit import lvlh_attitude
@@ -56,6 +59,11 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
     `manager_combined`.
     """
 
+    # Constants that bound its work areas, and what each has for a sample.
+    work_areas: ClassVar[tuple[tuple[ModuleType, str, int], ...]] = (
+        (least_effort, "COLUMNS", 6),
+        (receding_horizon, "SAMPLES", 1),
+    )
     no_law = "it empties the wheels once, until `horizon`, and rests from then on"
 
     sample_time: float = Parameter(
@@ -204,7 +212,7 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         longest: tuple[float, float],
     ) -> tuple[Vec3, Vec3, float] | None:
         """Plan with these longest on-times (s); return the first sample."""
-        plan = receding_horizon.programme(
+        return receding_horizon.first_step(
             add(h, self.h_target_body),
             self.h_target_body,
             q_bi,
@@ -215,7 +223,6 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
             longest,
             self.sample_time,
         )
-        return receding_horizon.first_step(plan, self.limits())
 
     def _fallback(self, h: Vec3, remaining_time: float) -> tuple[Vec3, blending.Split]:
         """Blend in place of a plan, with `remaining_time` (s) until the horizon."""

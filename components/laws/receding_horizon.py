@@ -157,11 +157,7 @@ def _solved(m: Vec10, v: Vec4) -> Vec4:
     return ((p - b * y - c * z - d * w) / a, y, z, w)
 
 
-# Arguments of `least_effort`: goal, columns, cost, most.
-Programme = tuple[Vec3, tuple[Vec3, ...], tuple[float, ...], tuple[float, ...]]
-
-
-def programme(
+def first_step(
     h: Vec3,
     h_target: Vec3,
     q_bi: tuple[Vec4, ...],
@@ -171,29 +167,92 @@ def programme(
     tau_level: Vec3,
     longest: tuple[float, float],
     period: float,
-) -> Programme:
-    """Build the plan of least firing time as a linear programme, in eci.
+) -> tuple[Vec3, Vec3, float] | None:
+    """Plan the least firing time and return the first sample; None without a plan.
 
-    h, h_target: the wheels' momentum now and its target at the end (N m s); q_bi: the
-    predicted attitudes now, in the middle of each sample, and at the end; fields: B (T)
-    in the middle of each sample, at most SAMPLES; n_con (N m); limit: the largest mean
-    dipole (A m2); tau_level (N m) of the thrusters, which may be on for `longest` (s)
-    of `period` (s), in the first sample and in the others. All in body axes.
+    It is a linear programme in eci (`least_effort`), of `goal`, `columns`, `costs` and
+    `bounds`. All arguments are in body axes.
 
-    Each sample has six columns: the effect of a second of firing about each axis, and
-    that of the largest dipole along each over the sample. All is divided by the
-    strongest level, so that both sides are in seconds, as the tolerances require.
+    Parameters
+    ----------
+    h, h_target
+        The wheels' momentum now and its target at the end (N m s).
+    q_bi
+        Predicted attitudes now, in the middle of each sample, and at the end.
+    fields
+        B (T) in the middle of each sample, at most SAMPLES.
+    n_con
+        Constant disturbance torque (N m).
+    limit
+        Largest mean dipole (A m2).
+    tau_level
+        Torque of the thrusters (N m).
+    longest
+        Largest on-times (s) in the first sample and in the others.
+    period
+        Duration of a sample (s).
+
+    Returns
+    -------
+    tuple or None
+        Mean dipole (A m2); on-time of each axis (s) with the sign of its torque; on-time
+        of all axes over the whole plan (s).
     """
-    n = len(fields)
-    strength = max(tau_level)
-    external = ZERO
-    for k in range(n):
-        external = add(external, mat_t_vec(matrix(q_bi[k + 1]), n_con))
-    target_change = sub(
-        mat_t_vec(matrix(q_bi[n + 1]), h_target), mat_t_vec(matrix(q_bi[0]), h)
+    impulse = goal(h, h_target, q_bi, n_con, max(tau_level), period)
+    effect = columns(q_bi, fields, limit, tau_level, period)
+    cost = costs(len(fields))
+    most = bounds(len(fields), longest)
+    x = least_effort(effect, cost, most, impulse)
+    if x is None:
+        return None
+    firing = 0.0
+    for i in range(len(x)):
+        if i % 6 < 3:
+            firing += abs(x[i])
+    return (
+        (x[3] * limit[0], x[4] * limit[1], x[5] * limit[2]),
+        (x[0], x[1], x[2]),
+        firing,
     )
-    goal = scale(1.0 / strength, sub(target_change, scale(period, external)))
-    columns = tuple(
+
+
+def goal(
+    h: Vec3,
+    h_target: Vec3,
+    q_bi: tuple[Vec4, ...],
+    n_con: Vec3,
+    strength: float,
+    period: float,
+) -> Vec3:
+    """Compute the impulse (eci) that a plan must give, over `strength` (N m): in s.
+
+    The arguments are those of `first_step`.
+    """
+    last = len(q_bi) - 1
+    external = ZERO
+    for k in range(1, last):
+        external = add(external, mat_t_vec(matrix(q_bi[k]), n_con))
+    target_change = sub(
+        mat_t_vec(matrix(q_bi[last]), h_target), mat_t_vec(matrix(q_bi[0]), h)
+    )
+    return scale(1.0 / strength, sub(target_change, scale(period, external)))
+
+
+def columns(
+    q_bi: tuple[Vec4, ...],
+    fields: tuple[Vec3, ...],
+    limit: Vec3,
+    tau_level: Vec3,
+    period: float,
+) -> tuple[Vec3, ...]:
+    """Compute the impulses (eci) that a plan consists of, over the strongest level.
+
+    Each sample has six: that of a second of firing about each axis, and that of the
+    largest dipole along each over the sample. So both sides of the programme are in
+    seconds, as its tolerances require. The arguments are those of `first_step`.
+    """
+    strength = max(tau_level)
+    return tuple(
         mat_t_vec(matrix(q), scale(1.0 / strength, column))
         for q, b in zip(q_bi[1:-1], fields, strict=True)
         for column in (
@@ -205,36 +264,21 @@ def programme(
             scale(period * limit[2], cross((0.0, 0.0, 1.0), b)),
         )
     )
-    cost = tuple(
-        1.0 - _PATIENCE * k / n if i < 3 else _DIPOLE_COST
-        for k in range(n)
+
+
+def costs(samples: int) -> tuple[float, ...]:
+    """Return the cost of each column: of a second of firing, and of a full dipole."""
+    return tuple(
+        1.0 - _PATIENCE * k / samples if i < 3 else _DIPOLE_COST
+        for k in range(min(samples, SAMPLES))
         for i in range(6)
     )
-    most = tuple(
+
+
+def bounds(samples: int, longest: tuple[float, float]) -> tuple[float, ...]:
+    """Return the bound of each column: the longest on-time (s), and the full dipole."""
+    return tuple(
         (longest[0] if k == 0 else longest[1]) if i < 3 else 1.0
-        for k in range(n)
+        for k in range(min(samples, SAMPLES))
         for i in range(6)
-    )
-    return goal, columns, cost, most
-
-
-def first_step(plan: Programme, limit: Vec3) -> tuple[Vec3, Vec3, float] | None:
-    """Solve a plan and return its first sample; None where there is no solution.
-
-    limit: the largest mean dipole (A m2), as in the plan. Returns the mean dipole (A
-    m2), the on-time of each axis (s) with the sign of its torque, and the on-time of
-    all axes over the whole plan (s).
-    """
-    goal, columns, cost, most = plan
-    x = least_effort(columns, cost, most, goal)
-    if x is None:
-        return None
-    firing = 0.0
-    for i in range(len(x)):
-        if i % 6 < 3:
-            firing += abs(x[i])
-    return (
-        (x[3] * limit[0], x[4] * limit[1], x[5] * limit[2]),
-        (x[0], x[1], x[2]),
-        firing,
     )

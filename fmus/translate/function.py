@@ -511,12 +511,12 @@ class Translation(Calls):
                 self.line("py_end_try();")
             self.line("return;")
             return
-        text = self.convert(value, self.spec.result, node)
         if self.spec.memo:
-            self.line(f"memo.value = {text};")
+            self._memorise(value, node)
             self.line("memo.known = true;")
             self.line("return &memo.value;")
             return
+        text = self.convert(value, self.spec.result, node)
         if self.tries:
             name = self.fresh("given") if "given" in self.spec.locals_names else "given"
             self.line(f"const {self.program.names(self.spec.result)} {name} = {text};")
@@ -524,6 +524,17 @@ class Translation(Calls):
         for _ in range(self.tries):
             self.line("py_end_try();")
         self.line(f"return {text};")
+
+    def _memorise(self, value: Value, node: ast.Return) -> None:
+        """Keep a cached function's result: element by element, to need less stack."""
+        result = self.spec.result
+        if value.parts and isinstance(result, Tuple) and result.uniform:
+            for k, (part, item) in enumerate(
+                zip(value.parts, result.items, strict=True)
+            ):
+                self.line(f"memo.value.e[{k}] = {self.convert(part, item, node)};")
+        else:
+            self.line(f"memo.value = {self.convert(value, result, node)};")
 
     def do_raise(self, node: ast.Raise) -> None:
         """Translate a raise of a known exception with a text."""

@@ -368,9 +368,9 @@ class Program:
         kind = "void" if result in (NONE, NEVER) else self.names(result)
         if spec.memo:
             kind = f"const {kind} *"
-        # not inlined: its lists would stay on the stack while the caller
-        # runs.
-        apart = "PY_APART " if spec.changed_in_place else ""
+        # not inlined: its lists, or the result before it is kept, would stay on the stack
+        # while the caller runs
+        apart = "PY_APART " if spec.changed_in_place or spec.memo else ""
         return f"static {apart}{kind} {spec.name}({', '.join(arguments) or 'void'})"
 
     def function(self, spec: Spec) -> Iterable[str]:

@@ -7,8 +7,10 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
-from desat.fmus.alone import Size, alone
+from desat.fmus.alone import Size, alone, sources_of
 from desat.fmus.compiler import NoCompilerError, compiler
+from desat.fmus.native import sources
+from desat.fmus.registry import block_class
 
 from ..files import library, own, paths
 from ..files.io import replace_text
@@ -16,7 +18,10 @@ from ..system.errors import DesatError, nearest
 
 
 def export(
-    block: str, folder: Path, compilers: Sequence[str] | None = None
+    block: str,
+    folder: Path,
+    compilers: Sequence[str] | None = None,
+    samples: int | None = None,
 ) -> tuple[list[Path], list[Size]]:
     """Write NAME.h and NAME.c into a folder.
 
@@ -28,6 +33,9 @@ def export(
         Folder for the files.
     compilers
         Commands of compilers; default: this machine's, where it has one.
+    samples
+        Largest number of samples of a plan; default: the block's own. The stack
+        follows from it.
 
     Returns
     -------
@@ -37,11 +45,17 @@ def export(
     Raises
     ------
     DesatError
-        If there is no such block, it has no C, or a compiler does not compile it.
+        If there is no such block, it has no C, it plans no samples or not so many, or
+        a compiler does not compile it.
     """
     fmu = _native(block)
+    commands = _commands(compilers)
     try:
-        files, sizes = alone(fmu, _commands(compilers))
+        if samples is None:
+            files, sizes = alone(fmu.stem, sources_of(fmu), commands)
+        else:
+            note = f"room for plans of at most {samples} samples"
+            files, sizes = alone(fmu.stem, _smaller(block, samples), commands, note)
     except RuntimeError as error:
         raise DesatError(f"{block}: {error}") from error
     folder.mkdir(parents=True, exist_ok=True)
@@ -50,6 +64,24 @@ def export(
         replace_text(folder / name, text)
         written.append(folder / name)
     return written, sizes
+
+
+def _smaller(block: str, samples: int) -> dict[str, str]:
+    """Translate a block anew, with room for at most so many samples."""
+    areas = getattr(block_class(block), "work_areas", ())
+    if not areas:
+        raise DesatError(f"--samples {samples}: {block} makes no plan of samples")
+    known = {(m, name): getattr(m, name) for m, name, _ in areas}
+    most = min(known[m, name] // share for m, name, share in areas)
+    if not 1 <= samples <= most:
+        raise DesatError(f"--samples {samples}: {block} has room for 1 to {most}")
+    try:
+        for module, name, share in areas:
+            setattr(module, name, share * samples)
+        return sources(block)[0]
+    finally:
+        for (module, name), value in known.items():
+            setattr(module, name, value)
 
 
 def _native(block: str) -> Path:

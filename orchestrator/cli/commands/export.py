@@ -146,6 +146,15 @@ def c(
             "that of this machine).",
         ),
     ] = None,
+    samples: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            show_default=False,
+            help="Largest number of samples of a plan, from which the stack follows "
+            "(default: the block's own, 600 of manager_receding_horizon).",
+        ),
+    ] = None,
     as_json: o.Json = False,
 ) -> None:
     """Write a block alone as C99, NAME.h and NAME.c: a struct, init, start and step; no
@@ -153,7 +162,7 @@ def c(
     """
     from ...export.block_c import export
 
-    paths, sizes = export(block, into or Path(), compilers)
+    paths, sizes = export(block, into or Path(), compilers, samples)
     if as_json:
         print_json(
             {"files": [str(p) for p in paths], "sizes": [vars(size) for size in sizes]}
