@@ -1,10 +1,10 @@
 """Run systems of FMUs: scenarios, SSP, check, master, results, command line.
 
-`new`, `scenario`, `run`, `size`, `compare`, `tune`, `draws`, `cases`, `load` and
-`tables` do the same as the commands, with their options, and return objects; `prepare`,
-`simulate`, `Options`, `Case` and `Run` are the parts they use. Their imports are made
-when they are called. Wrong input raises `desat.system.errors.DesatError` with a text of
-one line for the user.
+`new`, `scenario`, `check`, `run`, `size`, `bound`, `compare`, `tune`, `draws`, `sweep`,
+`cases` (also `campaign`), `load`, `export` and `tables` do the same as the commands,
+with their options, and return objects; `prepare`, `simulate`, `Options`, `Case` and
+`Run` are the parts they use. Their imports are made when they are called. Wrong input
+raises `desat.system.errors.DesatError` with a text of one line for the user.
 """
 
 from __future__ import annotations
@@ -19,7 +19,10 @@ if TYPE_CHECKING:
     from pandas import DataFrame  # type: ignore[import-untyped]
     from xarray import Dataset
 
+    from .analyses.coil_bound import CoilBound
+    from .analyses.lower_bound import LowerBound
     from .begin.facts import Facts
+    from .campaign.draws import Sweep
     from .campaign.sampling import Sampling
     from .papers.tables import tables
     from .runs.prepare import Case, prepare
@@ -29,15 +32,21 @@ if TYPE_CHECKING:
     from .studies.compare import Comparison
     from .studies.ranking import Ranking
     from .studies.tune import Tuned
+    from .system.check import Checked
     from .system.options import Options, RunOptions
 
 __all__ = [
     "Case",
     "Options",
     "Run",
+    "__version__",
+    "bound",
+    "campaign",
     "cases",
+    "check",
     "compare",
     "draws",
+    "export",
     "load",
     "new",
     "prepare",
@@ -45,6 +54,7 @@ __all__ = [
     "scenario",
     "simulate",
     "size",
+    "sweep",
     "tables",
     "tune",
 ]
@@ -72,10 +82,16 @@ def __getattr__(name: str) -> Any:
     AttributeError
         If there is no such name, or its package is not installed.
     """
-    if name not in _AT:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("desat")
     from importlib import import_module
 
+    if name in ("campaign", "export"):  # packages that can be called
+        return import_module(f".{name}", __name__)
+    if name not in _AT:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     try:
         module = import_module(f".{_AT[name]}", __name__)
     except ModuleNotFoundError as error:
@@ -105,8 +121,9 @@ def run(
         A scenario's name, a scenario file (.toml), an .ssp, an .ssd or a folder with
         one.
     sets
-        "component.variable" -> value in SI: a number, a choice's name, or a list (an
-        array, rows in lists).
+        "component.variable" -> value in SI: a number, a choice's name, or the elements
+        of an array as a list, a tuple, a numpy array or a pandas Series. A mapping has
+        the variables of a component: {"manager": {"gain": 2e-3}}.
     stop
         Stop time in seconds, or "2 orbits".
     step
@@ -114,14 +131,16 @@ def run(
     folder
         Folder for manifest and series; None: the series stay in memory.
     **options
-        Further fields of `desat.Options`.
+        Further fields of `desat.Options`. `sources` maps a component to an FMU, a block
+        file or a block class.
 
     Returns
     -------
     Run
-        `.numbers` is a pandas frame of the scenario's numbers: title, value, unit,
-        limit, met. `.data` is an xarray Dataset of the series, and `.plot("momentum")`
-        a figure. As a mapping `.manifest` is the run's JSON file.
+        `run["wheels.h_wheel"]` is a series as a numpy array, `.numbers` a pandas frame
+        of the scenario's numbers: title, value, unit, limit, met. `.to_dataframe()` has
+        all series, `.data` is an xarray Dataset of them, and `.plot("momentum")` a
+        figure. As a mapping `.manifest` is the run's JSON file.
 
     Raises
     ------
@@ -141,11 +160,11 @@ def run(
     """
     from pathlib import Path
 
+    from .runs.program import options_of
     from .runs.progress import in_notebook
     from .runs.run import execute
-    from .system.options import of_program
 
-    options_given = of_program(stop, step, sets, options)
+    options_given = options_of(stop, step, sets, options)
     return execute(
         str(target),
         options_given,
@@ -284,11 +303,11 @@ def size(
     >>> sized.answer
     'nadir_day/day-dipole: rods of 0.168 A m2 are recommended: they hold ...'
     """
+    from .runs.program import options_of
     from .sizing import dumps, sizing
     from .sizing.requirements import SizingRequirements
-    from .system.options import of_program
 
-    options_given = of_program(stop, None, sets, options)
+    options_given = options_of(stop, None, sets, options)
     requirements = SizingRequirements(duty, margin, laws=laws, year=year, flown=flown)
     sized = dumps.size if dumps.is_of(str(target), options_given) else sizing.size
     return sized(str(target), options_given, requirements)
@@ -336,12 +355,12 @@ def compare(
     >>> list(compared.numbers.columns[2:])
     ['nadir_day/day-dipole', 'nadir_day/day-igrf', 'less nadir_day/day-igrf']
     """
+    from .runs.program import options_of
     from .studies import compare as study
     from .system.errors import DesatError
-    from .system.options import of_program
 
     options_given, names = (
-        of_program(stop, step, sets, options),
+        options_of(stop, step, sets, options),
         [str(t) for t in targets],
     )
     if laws is None:
@@ -417,10 +436,10 @@ def tune(
     RunError
         If a run does not complete.
     """
+    from .runs.program import options_of
     from .studies import tune as study
-    from .system.options import of_program
 
-    options_given = of_program(stop, step, sets, options)
+    options_given = options_of(stop, step, sets, options)
     return study.tune(
         str(target),
         parameter,
@@ -435,7 +454,7 @@ def tune(
     )
 
 
-def load(folder: str | PathLike[str], *, curves: bool = False) -> Dataset:
+def load(folder: str | PathLike[str], *, curves: bool = False) -> Run | Dataset:
     """Load the results in a run's or a campaign's folder, also of one that was killed.
 
     Parameters
@@ -448,13 +467,12 @@ def load(folder: str | PathLike[str], *, curves: bool = False) -> Dataset:
 
     Returns
     -------
-    Dataset
-        An xarray Dataset whose values are read when they are used. For a run it has
-        `ds["wheels.h_wheel"]` over `time` and `wheel`, vectors over `axis` and means
-        over steps over `interval`, with units, frame, description and choices as
-        attributes; `ds.attrs` has scenario, epoch, versions, numbers and the manifest,
-        as JSON. For a campaign it has `in.*` and `out.*` over `case`, a row each in
-        `ds.to_dataframe()`.
+    Run or Dataset
+        A `Run`, as from `run`: its `.data` is an xarray Dataset that is read when it is
+        used, with `ds["wheels.h_wheel"]` over `time` and `wheel`, vectors over `axis`
+        and means over steps over `interval`, and units, frame, description and choices
+        as attributes. For a campaign an xarray Dataset: `in.*` and `out.*` over `case`,
+        a row each in `ds.to_dataframe()`.
 
     Raises
     ------
@@ -470,7 +488,11 @@ def load(folder: str | PathLike[str], *, curves: bool = False) -> Dataset:
         return of_campaign(path, curves)
     from .runs.run import load_run
 
-    return load_run(path).data
+    if curves:
+        from .system.errors import DesatError
+
+        raise DesatError(f"{folder}: curves: it is no campaign")
+    return load_run(path)
 
 
 def draws(
@@ -512,13 +534,138 @@ def draws(
         If the input is wrong, or the system has no dispersions.
     """
     from .campaign import draws as study
+    from .runs.program import options_of
     from .runs.progress import in_notebook
-    from .system.options import of_program
 
-    options_given = of_program(stop, step, sets, options)
+    options_given = options_of(stop, step, sets, options)
     return study.draws(
         str(target), count, seed, options_given, jobs, in_notebook()
     ).to_json()
+
+
+def check(
+    target: str | PathLike[str],
+    sets: Mapping[str, Any] | None = None,
+    *,
+    stop: float | str | None = None,
+    step: float | None = None,
+    **options: Unpack[RunOptions],
+) -> Checked:
+    """Find what is wrong with a system before it runs, as `desat check` does.
+
+    Parameters
+    ----------
+    target, sets, stop, step, **options
+        As for `run`.
+
+    Returns
+    -------
+    Checked
+        `.problems` and `.warnings` are lists of lines; `.or_raise()` raises the
+        problems.
+
+    Raises
+    ------
+    DesatError
+        If the target or an option cannot be read.
+
+    Examples
+    --------
+    >>> check("nadir_day/day-dipole").problems
+    []
+    """
+    from .runs.checking import check as find
+    from .runs.program import options_of
+
+    return find(str(target), options_of(stop, step, sets, options))
+
+
+def bound(target: str | PathLike[str]) -> LowerBound | CoilBound:
+    """Compute the least effort with which a run could have done, as `desat bound` does.
+
+    Parameters
+    ----------
+    target
+        A scenario, which runs now, or the folder of a run.
+
+    Returns
+    -------
+    LowerBound or CoilBound
+        Of dumping by thrusters the firing time; of momentum management by coils the
+        energy for the same peak momentum of a wheel. `as_json()` returns everything.
+
+    Raises
+    ------
+    DesatError
+        If the run has no such bound.
+    RunError
+        If the run does not complete.
+    """
+    from .runs.bounds import bound as bound_of
+
+    return bound_of(str(target))[1]
+
+
+def sweep(
+    target: str | PathLike[str],
+    axes: Mapping[str, Sequence[Any]],
+    sets: Mapping[str, Any] | None = None,
+    *,
+    samples: int = 0,
+    seed: int = 1,
+    jobs: int = 1,
+    stop: float | str | None = None,
+    step: float | None = None,
+    **options: Unpack[RunOptions],
+) -> Sweep:
+    """Run a system at several values of parameters, as `desat sweep` does.
+
+    Parameters
+    ----------
+    target, sets, stop, step, **options
+        As for `run`.
+    axes
+        "component.parameter" -> its values in SI; several give every combination.
+    samples
+        Number of random samples at each combination, whose medians are returned; 0:
+        none.
+    seed, jobs
+        As for `draws`.
+
+    Returns
+    -------
+    Sweep
+        `.numbers` is a pandas frame: a row for each combination.
+
+    Raises
+    ------
+    DesatError
+        If a parameter is unknown, or a value is out of bounds.
+
+    Examples
+    --------
+    >>> swept = sweep("nadir_day/day-dipole", {"manager.gain": [1e-3, 2e-3]}, stop=60.0)
+    >>> swept.numbers["manager.gain"].tolist()
+    [0.001, 0.002]
+    """
+    from .campaign import draws as study
+    from .runs.program import options_of
+    from .runs.progress import in_notebook
+    from .system.program_values import plain_values
+
+    values = {
+        name: list(plain_values({name: list(x)})[name]) for name, x in axes.items()
+    }
+    options_given = options_of(stop, step, sets, options)
+    return study.sweep(
+        str(target),
+        values,
+        options_given,
+        jobs,
+        in_notebook(),
+        draws=samples,
+        seed=seed,
+    )
 
 
 def cases(
@@ -578,10 +725,10 @@ def cases(
     from pathlib import Path
 
     from .campaign import coordinator, report
+    from .runs.program import options_of
     from .runs.progress import in_notebook
-    from .system.options import of_program
 
-    options_given = of_program(stop, step, sets, options)
+    options_given = options_of(stop, step, sets, options)
     plan, _ = coordinator.planned(
         str(target),
         count,
@@ -594,4 +741,4 @@ def cases(
     )
     coordinator.run(plan, Path(folder), jobs, cluster, in_notebook(), accept_versions)
     report.write(Path(folder))
-    return load(folder)
+    return load(folder)  # type: ignore[return-value]  # a campaign's

@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
+from scipy.io import loadmat
 from test_foreign_ssp import NAMESPACES, system, wire
 
 import desat
@@ -157,6 +158,24 @@ def test_a_series_has_the_name_of_its_variable(typed, tmp_path, name, in_folder)
     results = run(file, **folder).results
     assert results.names() == [f"a.{name}"]
     assert results.values(f"a.{name}").tolist() == [10.0] * 5
+
+
+def test_names_that_matlab_does_not_allow_are_changed_and_told(typed, tmp_path):
+    """Nothing is left out of the file."""
+    from desat.export.series import export
+
+    names = ["y/z", "y_z", "y%z", "1", "units", "long" * 20]
+    rows = [variable(name, 17, causality="output") for name in names]
+    fmu(tmp_path / "resources/a.fmu", typed, [variable("u", 1, start="10"), *rows])
+    file = write(tmp_path, component("interval", fmu="a.fmu"))
+    run(file, folder=tmp_path / "out")
+    (path,), note = export(tmp_path / "out", "mat")
+    struct = loadmat(path, simplify_cells=True)["interval_2"]
+    assert "interval.y/z is interval_2.y_z" in note
+    fields = set(struct) - {"units", "names"}
+    assert len(fields) == len(struct["names"]) == len(names)
+    assert {f"interval.{name}" for name in names} == set(struct["names"].values())
+    assert all(struct[field].tolist() == [10.0] * 5 for field in fields)
 
 
 def test_elements_of_an_array_in_an_array_are_series(typed, tmp_path):

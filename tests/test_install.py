@@ -182,7 +182,7 @@ assert (importlib.resources.files("desat") / "py.typed").is_file()
 name, sets = "uosat12/table3-ocdc-ilqr-1", {"manager.split": "crcp"}
 run = desat.run(name, sets, stop=100.0, folder="a")
 assert run.manifest["parameters"]["manager"]["split"]["value"] == "crcp"
-assert json.loads(desat.load("a").attrs["manifest"]) == run.manifest
+assert json.loads(desat.load("a").data.attrs["manifest"]) == run.manifest
 print(run.results.values("spacecraft.h_copy_wheel").shape)
 drawn = desat.draws(name, 2, stop=100.0)
 print(len(drawn["draws"]))

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import doctest
+import math
+import re
 import shlex
+from importlib.metadata import version
 
 import numpy as np
+import pandas as pd
 import pytest
+import xarray as xr
 from conftest import ROOT
 from typer.main import get_command
 
@@ -16,8 +21,13 @@ from desat.begin.craft import write
 from desat.begin.facts import CraftFacts, Facts
 from desat.cli.commands import run as _  # noqa: F401  (registers the command)
 from desat.cli.console import app
+from desat.components.bases.dumping import TorquerDumping
+from desat.components.contract.block import Parameter, Vec3
+from desat.components.laws import cross_product
+from desat.components.maths.vector import scale
 from desat.system.errors import DesatError
 from desat.system.options import Options, RunOptions, as_arguments
+from desat.system.program_values import plain_values
 
 DAY = "nadir_day/day-dipole"
 
@@ -179,4 +189,191 @@ def test_a_craft_is_begun_compared_and_tuned_by_a_program(tmp_path) -> None:
 
 def test_each_public_name_is_on_the_page_of_python() -> None:
     page = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
-    assert [n for n in library.__all__ if f":: desat.{n}\n" not in page] == []
+    shown = set(re.findall(r":: desat\.(\w+)", page))
+    assert shown == set(library.__all__)
+
+
+# --- what a program gives -------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        [1e-3, 2e-3, 3e-3, 0.0],
+        (1e-3, 2e-3, 3e-3, 0.0),
+        np.array([1e-3, 2e-3, 3e-3, 0.0]),
+        pd.Series([1e-3, 2e-3, 3e-3, 0.0]),
+        pd.Series([2e-3, 1e-3, 0.0, 3e-3], index=[2, 1, 4, 3]),
+        pd.Series([0.0, 1e-3, 2e-3, 3e-3], index=list("wxyz")),
+        xr.DataArray([1e-3, 2e-3, 3e-3, 0.0], dims="wheel"),
+        [np.float64(1e-3), 2e-3, np.int64(0) + 3e-3, 0],
+    ],
+)
+@pytest.mark.parametrize("nested", [True, False])
+def test_values_are_given_as_programs_have_them(value, nested) -> None:
+    name = "h_start_wheel"
+    sets = {"wheels": {name: value}} if nested else {f"wheels.{name}": value}
+    run = library.run(DAY, sets, stop=2.0)
+    assert run["wheels.h_wheel"][0].tolist() == [1e-3, 2e-3, 3e-3, 0.0]
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    sets = {"manager.gain": np.float64(2e-3), "magnetometer.seed": np.int64(3)}
+    sets["manager.enable"] = np.bool_(False)
+    case = library.prepare(DAY, Options(values=plain_values(sets)))
+    system = case.or_raise()[0]
+    values = system.components["manager"].values
+    assert (values["gain"], values["enable"]) == (2e-3, False)
+    assert system.components["magnetometer"].values["seed"] == 3
+
+
+@pytest.mark.parametrize(
+    ("sets", "message"),
+    [
+        (
+            {"wheels.h_start_wheel": pd.Series([0.0] * 4, index=list("abcd"))},
+            "wheels.h_start_wheel: a Series labelled a, b, c, d: allowed is x, y, z, w, or "
+            "0 to 3, or 1 to 4",
+        ),
+        (
+            {"wheels.h_start_wheel": pd.Series([0.0] * 4, index=[1, 1, 2, 3])},
+            "a Series labelled 1, 1, 2, 3: allowed is",
+        ),
+        ({"wheels.h_start_wheel": np.zeros(3)}, "needs 4 values, got 3"),
+        (
+            {"wheels.h_start_wheel": np.zeros((2, 2))},
+            "wheels.h_start_wheel has no rows: a list of 4 values is needed",
+        ),
+        (
+            {"wheels.axes_wheel": np.ones((4, 3))},
+            "wheels.axes_wheel has rows of 4 values, got rows of 3",
+        ),
+        (
+            {"wheels.axes_wheel": [[1.0] * 4, [1.0] * 4, [1.0] * 3 + [0.0, 1.0]]},
+            "rows of 4 values, got rows of 4 and 5",
+        ),
+        ({"wheels": {"h_strt_wheel": 1.0}}, "did you mean h_start_wheel"),
+        (
+            {"wheels": {"h": {"x": 1.0}}},
+            "sets: wheels.h: a mapping holds the variables of a component",
+        ),
+        (
+            {"manager.gain": 1.0, "manager": {"gain": 1.0}},
+            "sets: manager.gain is given twice",
+        ),
+        ({"manager.gain": object()}, "manager.gain: a object is given"),
+        ({3: 1.0}, "sets: 3: a text is needed"),
+        (["manager.gain"], "sets: a list is given; a mapping of"),
+    ],
+)
+def test_values_of_another_form_are_named(sets, message) -> None:
+    with pytest.raises(DesatError) as raised:
+        library.run(DAY, sets, stop=2.0)
+    assert message in str(raised.value)
+
+
+def test_near_names_are_those_of_the_call_too() -> None:
+    with pytest.raises(DesatError, match="stpo: no option; did you mean stop"):
+        library.run(DAY, stpo=2.0)  # type: ignore[call-arg]
+
+
+def test_a_run_gives_its_series_in_every_form(tmp_path) -> None:
+    run = library.run(DAY, stop=60.0, folder=tmp_path / "a")
+    assert run["wheels.h_wheel"].shape == (61, 4)
+    with pytest.raises(DesatError, match=r"no series wheels\.h_weel; did you mean"):
+        run["wheels.h_weel"]
+    frame = run.to_dataframe()
+    (path,) = library.export(run, "parquet", tmp_path / "b")
+    assert list(frame.columns) == pd.read_parquet(path).columns.tolist()
+    assert np.array_equal(
+        frame["wheels.h_wheel[2] [N.m.s]"], run["wheels.h_wheel"][:60, 1]
+    )
+    assert library.export(tmp_path / "a", "csv") == [tmp_path / "a" / "series.csv"]
+    assert run.write_report() == tmp_path / "a" / "report.html"
+    run.data.to_netcdf(tmp_path / "a.nc")
+    again = xr.open_dataset(tmp_path / "a.nc")
+    assert np.array_equal(again["wheels.h_wheel"], run["wheels.h_wheel"])
+    assert again["manager.mode"].attrs["choices"].startswith("idle, ")
+    loaded = library.load(tmp_path / "a")
+    assert isinstance(loaded, library.Run)
+    assert loaded["wheels.h_wheel"].tolist() == run["wheels.h_wheel"].tolist()
+    assert loaded.numbers.equals(run.numbers)
+
+
+def test_a_run_in_memory_needs_a_folder_for_files(tmp_path) -> None:
+    run = library.run(DAY, stop=20.0)
+    for write_file in (run.write_report, lambda: library.export(run)):
+        with pytest.raises(DesatError, match="series are in memory: the folder"):
+            write_file()
+    assert run.write_report(tmp_path / "x").is_file()
+    assert library.export(run, "mat", tmp_path / "x")[0].is_file()
+
+
+def test_what_commands_do_programs_do(tmp_path) -> None:
+    assert library.__version__ == version("desat")
+    assert library.check(DAY).problems == []
+    slow = library.check(DAY, {"magnetometer.sample_time": 1.5})
+    assert any("sample_time" in problem for problem in slow.problems)
+    with pytest.raises(
+        DesatError, match=r"manager\.gain = -1 1/s: allowed is 0 to inf"
+    ):
+        library.check(DAY, {"manager.gain": -1.0})
+    least = library.bound("uosat12/table3-ocdc-ilqr-1")
+    assert 0.0 < least.least <= least.seconds
+    swept = library.sweep(DAY, {"manager.gain": np.array([1e-3, 2e-3])}, stop=60.0)
+    assert swept.numbers.shape[0] == 2
+    assert swept.numbers["pointing"].notna().all()
+    cases = library.campaign(DAY, 2, tmp_path / "c", stop=20.0)
+    assert cases.sizes["case"] == 2
+    library.run(DAY, stop=2.0, folder=tmp_path / "d")
+    with pytest.raises(DesatError, match="curves: it is no campaign"):
+        library.load(tmp_path / "d", curves=True)
+
+
+# --- a class as a source --------------------------------------------------------------
+
+HALF = 0.5
+
+
+def half_of(h: Vec3) -> Vec3:
+    return scale(HALF, h)
+
+
+class HalfLaw(TorquerDumping):
+    """Half of what h says."""
+
+    gain: float = Parameter("1/s", "gain", start=1e-3)
+
+    def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:
+        return cross_product.normalised(half_of(h), self.b_body, math.fabs(self.gain))
+
+
+def test_a_class_is_a_source() -> None:
+    """With the function, the constant and the imports that it uses."""
+    mine = library.run(
+        DAY, {"manager.gain": 2e-3}, stop=60.0, sources={"manager": HalfLaw}
+    )
+    ours = library.run(
+        DAY,
+        {"manager.gain": 1e-3},
+        stop=60.0,
+        sources={"manager": "manager_cross_product"},
+    )
+    m = mine["manager.m_cmd_body"]
+    assert m.any()
+    assert m == pytest.approx(ours["manager.m_cmd_body"], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        (int, "sources: manager: int is no block"),
+        (
+            type("Mine", (TorquerDumping,), {"__module__": __name__}),
+            "Mine: its source is not known: write the class to a file",
+        ),
+    ],
+)
+def test_classes_that_are_no_source_are_named(source, message) -> None:
+    with pytest.raises(DesatError, match=message):
+        library.run(DAY, stop=2.0, sources={"manager": source})

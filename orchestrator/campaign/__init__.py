@@ -8,4 +8,23 @@ coordinator.py  hands out cases and keeps rows
 draws.py, pairs.py  draws and sweeps in memory, and pairs
 spread.py   the spread of a number over runs
 judged.py, report.py  the results
+
+The package can be called: `desat.campaign(...)` is `desat.cases(...)`.
 """
+
+import sys
+from types import ModuleType
+from typing import Any
+
+
+class _Campaign(ModuleType):
+    """The package as a function, whose name it has."""
+
+    def __call__(self, *arguments: Any, **options: Any) -> Any:
+        """Run the missing cases of a campaign, as `desat.cases` does."""
+        from .. import cases
+
+        return cases(*arguments, **options)
+
+
+sys.modules[__name__].__class__ = _Campaign

@@ -9,7 +9,7 @@ import itertools
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..analyses import Analysis, analyses, coverage
 from ..analyses.manifest import Stopped
@@ -27,6 +27,9 @@ from ..system.typed import JsonObject
 from .sampling import Drawn, draw_of
 from .spread import Spread, spreads, to_json
 from .workers import Here, Local, NoResult, Workers, results
+
+if TYPE_CHECKING:
+    from pandas import DataFrame  # type: ignore[import-untyped]
 
 STOPPED = 128  # exit codes above this are those of a run that somebody stopped
 
@@ -142,6 +145,21 @@ class Sweep:
     units: Mapping[str, str]
     points: Sequence[SweepPoint]
     warnings: Sequence[str]
+
+    @property
+    def numbers(self) -> DataFrame:
+        """Return a table: the values of each combination, and its numbers in their units.
+
+        With samples they are medians.
+        """
+        from pandas import DataFrame
+
+        return DataFrame(
+            [
+                {**p.values, **{n: x.levels["median"] for n, x in p.summary.items()}}
+                for p in self.points
+            ]
+        )
 
     def to_json(self) -> JsonObject:
         """Return the sweep as `desat sweep --json` prints it."""

@@ -10,6 +10,9 @@ png, pdf: the scenario's plots, a file each.
 
 from __future__ import annotations
 
+import re
+from collections.abc import Container
+from os import PathLike
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -19,6 +22,7 @@ import pyarrow as pa
 from ..figures.painting import paint
 from ..files import io
 from ..runs.run import Run, load_run
+from ..runs.table import table_of
 from ..system.errors import DesatError, plain
 
 FORMATS = ("csv", "parquet", "mat", "png", "pdf")
@@ -30,20 +34,48 @@ def export(folder: Path, form: str, into: Path | None = None) -> tuple[list[Path
     Raises
     ------
     DesatError
-        If the format is unknown, or the folder has no series.
+        If the format is unknown, the folder has no series, or two elements of them
+        have one name.
     """
+    _check_form(form)
+    return _write(load_run(folder), form, into or folder)
+
+
+def export_run(
+    run: Run, form: str, folder: str | PathLike[str] | None = None
+) -> list[Path]:
+    """Write a run's series or plots in a format; return the files.
+
+    Raises
+    ------
+    DesatError
+        If the format is unknown, or neither is a folder given nor has the run one.
+    """
+    _check_form(form)
+    into = run.results.folder if folder is None else Path(folder)
+    if into is None:
+        raise DesatError(
+            "folder: the run's series are in memory: the folder to write to is needed"
+        )
+    into.mkdir(parents=True, exist_ok=True)
+    return _write(run, form, into)[0]
+
+
+def _check_form(form: str) -> None:
     if form not in FORMATS:
         raise DesatError(f"--format {form}: there are {', '.join(FORMATS)}")
-    run = load_run(folder)
-    into = into or folder
+
+
+def _write(run: Run, form: str, into: Path) -> tuple[list[Path], str]:
+    """Write the files of a format, and return them with a note."""
     if form in ("png", "pdf"):
-        return _plots(run, form, folder, into), ""
+        return _plots(run, form, into), ""
     path, note = into / f"series.{form}", ""
     with io.replacing_file(path) as file:
         if form == "mat":
             from scipy.io import savemat
 
-            structs = _structs(run)
+            structs, note = _structs(run)
             savemat(
                 file,
                 structs,
@@ -52,7 +84,7 @@ def export(folder: Path, form: str, into: Path | None = None) -> tuple[list[Path
                 long_field_names=True,
             )
         else:
-            table, note = _table(run)
+            table, note = table_of(run.results)
             _write_table(table, form, file)
     return [path], note
 
@@ -81,53 +113,53 @@ def no_formula(text: str) -> str:
     return f"'{text}" if text.startswith(("=", "+", "-", "@")) else text
 
 
-def _table(run: Run) -> tuple[pa.Table, str]:
-    """Return all series side by side, and a note.
+def _structs(run: Run) -> tuple[dict[str, Any], str]:
+    """Return a struct for each component, and a note on names that were changed.
 
-    Interval outputs have no value at the last state. Where there are such, the last
-    state is left out and the note says so.
-    """
-    results = run.results
-    rows = min((results.count(n) for n in results.names()), default=0)
-    times = results.times()
-    columns: dict[str, Any] = {"time [s]": times[:rows]}
-    for name in results.names():
-        unit = results.attribute(name, "unit")
-        suffix = f" [{unit}]" if unit not in ("", "1") else ""
-        values = results.values(name, slice(0, rows))
-        if values.ndim == 1:
-            columns[f"{name}{suffix}"] = values
-        else:
-            columns |= {
-                f"{name}[{i + 1}]{suffix}": values[:, i] for i in range(values.shape[1])
-            }
-    remaining_rows = len(times) - rows
-    note = (
-        f"states at t = {times[-1]:g} s have no interval after them, and no row"
-        if remaining_rows
-        else ""
-    )
-    return pa.table(columns), note
-
-
-def _structs(run: Run) -> dict[str, Any]:
-    """Return a struct for each component, with an array for each variable and `units`.
-
-    The times stand beside the structs.
+    A struct has an array for each variable, `units`, and `names` where a name was
+    changed, as MATLAB does not allow it. The times stand beside the structs.
     """
     results = run.results
     times = results.times()
     rows = min((results.count(n) for n in results.names()), default=0)
     structs: dict[str, Any] = {"time": times, "interval": times[:rows]}
+    fields: dict[str, str] = {}
+    changed = []
     for name in results.names():
         component, _, variable = name.partition(".")
-        struct = structs.setdefault(component, {"units": {}})
-        struct[variable] = np.asarray(results.values(name))
-        struct["units"][variable] = results.attribute(name, "unit") or "1"
-    return structs
+        if component not in fields:
+            fields[component] = _field(component, structs)
+            structs[fields[component]] = {"units": {}, "names": {}}
+        struct = structs[fields[component]]
+        field = _field(variable, struct)
+        struct[field] = np.asarray(results.values(name))
+        struct["units"][field] = results.attribute(name, "unit") or "1"
+        if (fields[component], field) != (component, variable):
+            struct["names"][field] = name
+            changed.append(f"{plain(name)} is {fields[component]}.{field}")
+    for field in fields.values():
+        if not structs[field]["names"]:
+            del structs[field]["names"]
+    return structs, "; ".join(changed)
 
 
-def _plots(run: Run, form: str, folder: Path, into: Path) -> list[Path]:
+def _field(name: str, used: Container[str]) -> str:
+    """Return a name that MATLAB allows and that is not used: the name itself if it is.
+
+    MATLAB allows ASCII letters, digits and `_`, 63 characters, a letter first.
+    """
+    allowed = re.sub(r"\W", "_", name, flags=re.ASCII)
+    if not allowed[:1].isalpha():
+        allowed = f"x{allowed}"
+    allowed = allowed[:63]
+    field, number = allowed, 1
+    while field in used:
+        number += 1
+        field = f"{allowed[: 62 - len(str(number))]}_{number}"
+    return field
+
+
+def _plots(run: Run, form: str, into: Path) -> list[Path]:
     """Write the scenario's plots and return their paths."""
     from ..figures.plots import series_figure
     from ..report.report import label_of
@@ -140,7 +172,7 @@ def _plots(run: Run, form: str, folder: Path, into: Path) -> list[Path]:
             continue
         if "/" in name or "\\" in name:
             raise DesatError(
-                f"{folder}: plot {plain(name)}: a file's name has no / and no \\"
+                f"{into}: plot {plain(name)}: a file's name has no / and no \\"
             )
         path = into / f"{name}.{form}"
         with io.replacing(path) as part:

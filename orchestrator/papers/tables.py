@@ -22,9 +22,10 @@ from ..files.identity import PACKAGES
 from ..files.scenario import Scenario, abbreviations, find, scenarios
 from ..numbers.text import number, spell_unit
 from ..report.report import render, write_page
+from ..runs.program import options_of
 from ..runs.validation import content_problems
 from ..system.errors import DesatError, Exit, RunError
-from ..system.options import Options, RunOptions, of_program
+from ..system.options import Options, RunOptions
 from . import stored
 from .comparison import Numbers, PaperCell, Share, Spread, count, rows_of
 from .stored import Provenance, StoredDraws, StoredScenario
@@ -57,7 +58,7 @@ def tables(
         If a run does not complete.
     """
     drawn = stored.read(family) if stored.with_draws(family) else None
-    return rows(family, of_program(None, None, None, options), jobs, drawn)
+    return rows(family, options_of(None, None, None, options), jobs, drawn)
 
 
 def rows(

@@ -154,4 +154,5 @@ def _attributes(results: Results, name: str) -> dict[str, Any]:
         "long_name": results.attribute(name, "description"),
         "class": results.attribute(name, "class"),
     }
-    return attributes | ({"choices": list(choices)} if choices else {})
+    # as one text, which netCDF takes; the value 0 is the first choice
+    return attributes | ({"choices": ", ".join(choices)} if choices else {})

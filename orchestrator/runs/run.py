@@ -16,6 +16,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..analyses import analyses, coverage, not_checked
 from ..analyses.manifest import UNKNOWN, Manifest, SubstepChoice
 from ..engine import child
@@ -27,7 +30,7 @@ from ..engine.recording.row_buffer import Layout, RowBuffer
 from ..files import library
 from ..language.content import content_of
 from ..numbers.verdicts import judge
-from ..system.errors import DesatError, Exit, RunError
+from ..system.errors import DesatError, Exit, RunError, nearest
 from ..system.model import System
 from ..system.options import Options, as_arguments, from_json
 from ..system.schedule import schedule
@@ -41,6 +44,8 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
     from ..figures.canvas import Figure
+
+Array = NDArray[Any]
 
 SHOWN = 6  # numbers in a run's `repr`
 
@@ -114,6 +119,58 @@ class Run:
         from .dataset import of_results
 
         return of_results(self.manifest, self.results)
+
+    def __getitem__(self, series: str) -> Array:
+        """Return a series `component.variable`: (rows,) or (rows, elements), its unit.
+
+        "time" are the times of the rows (s). Means over steps have a row less.
+
+        Raises
+        ------
+        DesatError
+            If there is no such series.
+        """
+        if series == "time":
+            return self.results.times()
+        names = self.results.names()
+        if series not in names:
+            raise DesatError(
+                f"{self.manifest.scenario}: no series {series}{nearest(series, names)}"
+            )
+        return np.asarray(self.results.values(series))
+
+    def to_dataframe(self) -> DataFrame:
+        """Return all series as a table, with the columns of the parquet file.
+
+        These are `time [s]` and, for each element, `component.variable[i] [unit]`. The
+        last state has no row where means over steps are recorded.
+        """
+        from .table import table_of
+
+        return table_of(self.results)[0].to_pandas()
+
+    def write_report(self, folder: str | PathLike[str] | None = None) -> Path:
+        """Write report.html and return its path.
+
+        It goes into `folder`, or into the run's own.
+
+        Raises
+        ------
+        DesatError
+            If neither is there.
+        """
+        from importlib import import_module
+
+        place = self.results.folder if folder is None else Path(folder)
+        if place is None:
+            raise DesatError(
+                "folder: the run's series are in memory: the folder to write to is needed"
+            )
+        place.mkdir(parents=True, exist_ok=True)
+        # by name: the report is made of runs, and so lies above them
+        report = import_module(".report.report", __package__.rpartition(".")[0])
+        path: Path = report.write_report(place, self)
+        return path
 
     def plot(
         self, name: str | None = None, file: str | PathLike[str] | None = None

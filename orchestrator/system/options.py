@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, TypedDict, get_args
 
 from .choices import Algorithm, Fmus, Isolate, Loop
-from .errors import DesatError, nearest
+from .errors import DesatError
 from .model import AUTO, MOST_SUBSTEPS, Substeps
 from .typed import JsonObject
 
@@ -144,37 +144,6 @@ class RunOptions(TypedDict, total=False):
     isolate: Isolate
     halvings: int
     checkpoint: float | None
-
-
-def of_program(
-    stop: float | str | None,
-    step: float | None,
-    values: Mapping[str, Any] | None,
-    keywords: RunOptions,
-) -> Options:
-    """Build the options of a program's call.
-
-    `sources` may map a component to its FMU.
-
-    Raises
-    ------
-    DesatError
-        If there is no such option, or its value is wrong.
-    """
-    entries = dict(keywords)
-    sources = entries.pop("sources", [])
-    if isinstance(sources, Mapping):
-        sources = [f"{component}={fmu}" for component, fmu in sources.items()]
-    known = RunOptions.__annotations__
-    if unknown := [name for name in entries if name not in known]:
-        raise DesatError(f"{unknown[0]}: no option{nearest(unknown[0], known)}")
-    return Options(
-        stop=stop,
-        step=step,
-        values=dict(values or {}),
-        sources=sources,  # type: ignore[arg-type]
-        **entries,  # type: ignore[arg-type]
-    )
 
 
 RESOLVED = {"aside": "in the resolved system"}

@@ -187,6 +187,7 @@ def expand(
     if signal is not None and not isinstance(value, (list, tuple)):
         return {name: _scalar(signal, value, f"{place}.{name}")}
     values = _flat(value)
+    _check_rows(value, signals[-1].name.removeprefix(name), f"{place}.{name}")
     if len(values) < len(signals) and _is_begun_table(
         value, signals[-1].name, len(values)
     ):
@@ -199,6 +200,24 @@ def expand(
         s.name: _scalar(s, x, f"{place}.{s.name}")
         for s, x in zip(signals, values, strict=True)
     }
+
+
+def _check_rows(value: Any, last: str, place: str) -> None:
+    """Raise DesatError if rows are not as long as an array's; `last` is as [3,4]."""
+    if not isinstance(value, (list, tuple)):
+        return
+    lengths = {len(_flat(x)) if isinstance(x, (list, tuple)) else 0 for x in value}
+    if lengths == {0}:
+        return
+    sizes = [int(n) for n in last.strip("[]").split(",") if n]
+    row = math.prod(sizes[1:])
+    if len(sizes) < 2:
+        raise DesatError(
+            f"{place} has no rows: a list of {math.prod(sizes)} values is needed"
+        )
+    if lengths != {row}:
+        found = " and ".join(str(n) if n else "single values" for n in sorted(lengths))
+        raise DesatError(f"{place} has rows of {row} values, got rows of {found}")
 
 
 def _typed_choice(choices: Sequence[str], value: int) -> int | str:

@@ -86,11 +86,7 @@ def check(
         o.refuse(ctx, "it is of a system, and this is an FMU", *OF_SYSTEMS)
         _check_fmu(Path(target), trust, as_json)
         return
-    from ...analyses import attitude_loop
-    from ...engine.trial_initialisation import refusals
-    from ...files.library import notes
-    from ...runs.prepare import prepare
-    from ...system.refusal import explain
+    from ...runs.checking import check as find
 
     options = o.options_of(
         sets,
@@ -108,16 +104,7 @@ def check(
         outside=outside,
         solve_loops=solve_loops,
     )
-    checked = prepare(target, options).checked
-    system, schedule = checked.system, checked.schedule
-    if system is not None and schedule is not None:
-        full = list(attitude_loop.problems_when_full(system))
-        checked.problems += full
-        checked.warnings = [line for line in checked.warnings if line not in full]
-        problems, warnings = refusals(system, schedule, options.trusted)
-        checked.problems += explain(system, "\n".join(problems))
-        checked.warnings += explain(system, "\n".join(warnings))
-        checked.notes += notes(system.components.values())
+    checked = find(target, options)
     if as_json:
         _print_as_json(checked)
     else:

@@ -130,6 +130,12 @@ class Results:
         self._index = shared_tables.index(file)
         self._rows = rows
 
+    @property
+    def folder(self) -> Path | None:
+        """Return the folder of the series' file; None for series in memory."""
+        name = getattr(self._file, "filename", None)
+        return Path(name).parent if name else None
+
     def once(self, key: str, make: Callable[[], T]) -> T:
         """Compute a result of these series once, at the first request, and keep it."""
         if key not in self._computed:

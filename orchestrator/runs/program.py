@@ -1,0 +1,63 @@
+"""Build the options of a call of `import desat`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from desat.components.contract.block import Block
+
+from ..files.class_source import file_of
+from ..system.errors import DesatError, nearest
+from ..system.options import Options, RunOptions
+from ..system.program_values import plain_values
+
+
+def options_of(
+    stop: float | str | None,
+    step: float | None,
+    sets: Mapping[str, Any] | None,
+    keywords: RunOptions,
+    *others: str,
+) -> Options:
+    """Return the options of a program's call.
+
+    `sources` may map a component to an FMU, a file, or a class. `others` are further
+    arguments of the call, for the message on a name that is none.
+
+    Raises
+    ------
+    DesatError
+        If there is no such option, or a value is wrong.
+    """
+    entries: dict[str, Any] = dict(keywords)
+    known = {*RunOptions.__annotations__, "sets", "stop", "step", *others}
+    if unknown := [name for name in entries if name not in RunOptions.__annotations__]:
+        raise DesatError(f"{unknown[0]}: no option{nearest(unknown[0], known)}")
+    if sets is not None and not isinstance(sets, Mapping):
+        raise DesatError(
+            f"sets: a {type(sets).__name__} is given; a mapping of 'component.variable' "
+            "to values is needed"
+        )
+    sources = entries.pop("sources", [])
+    if isinstance(sources, Mapping):
+        sources = [f"{name}={_fmu_of(name, fmu)}" for name, fmu in sources.items()]
+    return Options(
+        stop=stop,
+        step=step,
+        values=plain_values(sets or {}),
+        sources=sources,
+        **entries,
+    )
+
+
+def _fmu_of(component: str, source: Any) -> str:
+    """Return the FMU or the file of a source, which may be a block class."""
+    if isinstance(source, type):
+        if issubclass(source, Block):
+            return str(file_of(source))
+        raise DesatError(
+            f"sources: {component}: {source.__name__} is no block: it must derive from a "
+            "role of desat.components.contract.roles"
+        )
+    return str(source)

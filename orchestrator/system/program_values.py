@@ -1,0 +1,87 @@
+"""Convert the values that a Python program gives to those of options.
+
+A program may give numpy arrays and numbers, pandas Series, xarray arrays, tuples, and
+mappings of a component's values. None of these packages is imported for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from .errors import DesatError
+
+# Labels that a Series of n elements may have besides 0 to n - 1 and 1 to n.
+LETTERS = {3: ("x", "y", "z"), 4: ("x", "y", "z", "w")}
+
+
+def plain_values(sets: Mapping[str, Any]) -> dict[str, Any]:
+    """Return `component.variable` -> number, text, or list (of rows).
+
+    A value that is itself a mapping has the variables of a component.
+
+    Raises
+    ------
+    DesatError
+        If a name or a value has another form, or a Series other labels; it names both.
+    """
+    values: dict[str, Any] = {}
+    for name, value in _flattened(sets):
+        if name in values:
+            raise DesatError(f"sets: {name} is given twice")
+        values[name] = _plain(name, value)
+    return values
+
+
+def _flattened(sets: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Yield each value with its full name."""
+    for name, value in sets.items():
+        if not isinstance(name, str):
+            raise DesatError(
+                f"sets: {name!r}: a text is needed, as 'component.variable'"
+            )
+        if not isinstance(value, Mapping):
+            yield name, value
+            continue
+        for variable, inner in value.items():
+            if isinstance(inner, Mapping) or not isinstance(variable, str):
+                raise DesatError(
+                    f"sets: {name}.{variable}: a mapping holds the variables of a "
+                    "component, by text"
+                )
+            yield f"{name}.{variable}", inner
+
+
+def _plain(name: str, value: Any) -> Any:
+    """Convert a value: an array to lists, a number of numpy to one of Python."""
+    labels: Any = getattr(value, "index", None)
+    if hasattr(labels, "tolist") and hasattr(value, "tolist"):  # a Series
+        return _by_labels(name, labels.tolist(), value.tolist())
+    if hasattr(value, "tolist"):  # an array or a number of numpy
+        return value.tolist()
+    if hasattr(value, "values") and hasattr(value, "dims"):  # a DataArray of xarray
+        return value.values.tolist()
+    if isinstance(value, (list, tuple)):
+        return [_plain(name, x) for x in value]
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
+    raise DesatError(
+        f"sets: {name}: a {type(value).__name__} is given; a number, a text, a list, an "
+        "array or a Series is needed"
+    )
+
+
+def _by_labels(name: str, labels: list[Any], values: list[Any]) -> list[Any]:
+    """Return the values of a Series in the order of the elements."""
+    n = len(values)
+    orders: list[list[Any]] = [list(range(n)), list(range(1, n + 1))]
+    if n in LETTERS:
+        orders.append(list(LETTERS[n]))
+    for order in orders:
+        if len(set(labels)) == n and set(labels) == set(order):
+            return [values[labels.index(label)] for label in order]
+    allowed = f"0 to {n - 1}, or 1 to {n}"
+    if n in LETTERS:
+        allowed = f"{', '.join(LETTERS[n])}, or {allowed}"
+    shown = ", ".join(map(str, labels[:6]))
+    raise DesatError(f"sets: {name}: a Series labelled {shown}: allowed is {allowed}")
