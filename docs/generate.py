@@ -15,9 +15,13 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from desat.cli import app_for
+from desat.files.scenario import scenarios
 from desat.fmus import registry
 from desat.runs import explain
+from desat.runs.drawings import loop_of_system
+from desat.runs.prepare import prepare
 from desat.system.interface import role_classes
+from desat.system.options import Options
 
 ROOT = Path(__file__).parents[1]
 FOLDER = "generated"
@@ -39,11 +43,14 @@ def write(docs: Path) -> None:
     folder = docs / FOLDER
     (folder / "blocks").mkdir(parents=True, exist_ok=True)
     pages = {"blocks.md": _blocks(), "commands.md": _commands()}
-    pages |= {f"blocks/{name}.md": _block(name) for name in registry.names()}
+    drawn = _drawings()
+    for name in registry.names():
+        pages[f"blocks/{name}.md"] = _block(name, drawn.get(name))
+    pages |= {f"blocks/{name}-loop.svg": text for name, (_, text) in drawn.items()}
     for name, here in BESIDE.items():
         text = (ROOT / name).read_text(encoding="utf-8")
         pages[here] = text.replace("](docs/", "](../")
-    for old in folder.rglob("*.md"):
+    for old in [*folder.rglob("*.md"), *folder.rglob("*.svg")]:
         if str(old.relative_to(folder)) not in pages:
             old.unlink()
     for name, text in pages.items():
@@ -105,7 +112,42 @@ def _blocks() -> str:
     return "\n".join(lines)
 
 
-def _block(name: str) -> str:
+def _drawings() -> dict[str, tuple[str, str]]:
+    """Where each block flies, and the block there with its neighbours.
+
+    A block that no scenario of ours has stands in the place of one of its role.
+    """
+    found: dict[str, tuple[str, str]] = {}
+    places: dict[str, list[tuple[str, str]]] = {}  # role: scenario, component
+    kinds = set()
+    for name, scenario in scenarios().items():
+        of = scenario.content
+        kind = repr((scenario.family, of.craft, of.ssd, of.sources))
+        if kind in kinds:
+            continue
+        kinds.add(kind)
+        system, _ = prepare(name, Options()).or_raise()
+        for component in system.components.values():
+            places.setdefault(component.interface.role, []).append(
+                (name, component.name)
+            )
+            if component.interface.model not in found:
+                text = loop_of_system(system, component.name)
+                found[component.interface.model] = f"`{name}`", text
+    for block in registry.names():
+        role = registry.block_class(block).role
+        for name, component in places.get(role, []):
+            if block in found:
+                break
+            case = prepare(name, Options(sources=[f"{component}={block}"]))
+            if not case.checked.problems:
+                system, _ = case.or_raise()
+                where = f"`{name}` with it as {component}"
+                found[block] = where, loop_of_system(system, component)
+    return found
+
+
+def _block(name: str, drawn: tuple[str, str] | None) -> str:
     text, rows = explain.blocks(name)
     block = registry.block_class(name)
     said = inspect.getdoc(block) or name
@@ -117,6 +159,13 @@ def _block(name: str) -> str:
         "",
         _body(body),
     ]
+    if drawn:
+        lines += [
+            f"![{name} with its neighbours]({name}-loop.svg)",
+            "",
+            f"*Its neighbours in {drawn[0]}.*",
+            "",
+        ]
     if laws := text.removeprefix(said).strip():
         lines += ["## Where it fits", "", *(f"- {x}" for x in laws.splitlines()), ""]
     heads = [

@@ -538,7 +538,7 @@ def test_a_run_of_before_is_read_but_does_not_go_on(tmp_path, monkeypatch, desat
     ):
         resume(folder)
     load_run(folder).results.close()
-    assert api.load(folder).sizes["time"] >= 30
+    assert api.load(folder).data.sizes["time"] >= 30
     assert desat("report", str(folder)).returncode in (0, 1, 4)
 
 

@@ -616,7 +616,7 @@ def test_a_row_of_a_share_says_its_interval_and_is_held_against_its_band():
             scenario, values, {}, {"summary": summary, "draws": results}
         )
     }
-    row = found["draws_with_a_saturated_wheel"]
+    row = found["samples_with_a_saturated_wheel"]
     assert (row.ours, row.within, row.out_of_sample) == (15.0, False, True)
     assert row.draws == Share(20, 3, pytest.approx([3.21, 37.89], abs=0.01))
     assert "3 of 20 (15 %, 95 % interval 3 to 38 %)" in tables.texts_of(row)["draws"]
@@ -793,7 +793,9 @@ def test_tables_pack_nothing_and_record_only_what_numbers_need(monkeypatch, tmp_
     monkeypatch.setattr(paths, "packed_folder", lambda: tmp_path)
     simulate = draws.simulate
     monkeypatch.setattr(
-        draws, "simulate", lambda case: run.append(case) or simulate(case)
+        draws,
+        "simulate",
+        lambda case, **choice: run.append(case) or simulate(case, **choice),
     )
     found = {row.quantity: row.ours for row in rows("uosat12", Options(), jobs=1)}
     assert not list(tmp_path.iterdir())

@@ -84,7 +84,7 @@ def test_the_first_rows_of_a_table_may_stand_alone_but_not_those_of_a_matrix() -
     )
     assert [found[f"torque[1,{k}]"] for k in (1, 2, 3, 4)] == [0.0, 1.0, 2.0, 3.0]
     assert found["torque[256,4]"] == 0.0
-    with pytest.raises(DesatError, match="needs 1024 values, got 3"):
+    with pytest.raises(DesatError, match="has rows of 4 values, got rows of 3"):
         expand(interface, "torque", [[0.0, 1.0, 2.0]], "x")
     wheels = interface_of_block("wheels")
     with pytest.raises(DesatError, match="axes_wheel needs 12 values, got 4"):

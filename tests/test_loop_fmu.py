@@ -376,7 +376,8 @@ def test_a_block_that_has_no_c_is_named(desat, tmp_path):
         str(tmp_path / "x.fmu"),
     )
     assert done.returncode == 2
-    assert "environment: environment_tle has no C" in done.stderr
+    message = "environment: environment_tle is a block of Python without a translation"
+    assert message in done.stderr
     assert "`--without environment` leaves it out" in done.stderr
 
 

@@ -169,7 +169,7 @@ def test_a_row_of_a_table_is_not_within_where_a_draw_never_gets_there():
     assert never == 88
     assert row.draws.max is None
     assert row.within is False
-    assert rows["draws_never_dumped"].ours == pytest.approx(100.0 * never / 200)
+    assert rows["samples_never_dumped"].ours == pytest.approx(100.0 * never / 200)
 
 
 def test_stored_draws_have_no_end_of_a_run_for_a_time():

@@ -30,7 +30,7 @@ SOURCES = sorted(
 )
 PAGE_BEGINS = re.compile(r"<!doctype html|<html\b", re.IGNORECASE)
 META = "//meta[@http-equiv='Content-Security-Policy']/@content"
-PARTIAL = {"table.html", "figures.html"}
+PARTIAL = {"table.html", "figures.html", "scene.html"}
 """Templates of macros alone, which other templates import."""
 
 

@@ -13,15 +13,17 @@ from markupsafe import Markup
 from ..analyses import analyses, management
 from ..analyses.manifest import Manifest
 from ..engine.recording.results import Results
-from ..figures import interactive
+from ..figures import craft, interactive
 from ..figures.canvas import Figure
 from ..figures.plots import series_figure
 from ..files.io import replace_text
 from ..files.scenario import abbreviations
 from ..language.scenario import Plot
 from ..numbers.text import number, spell_unit
+from ..runs import drawings
 from ..runs.run import Run
 from ..system import discovery
+from . import scene
 from .policy import PLACEHOLDER, PageScripts, part
 from .run_tables import tabulate_numbers, tabulate_verdicts
 
@@ -104,6 +106,8 @@ def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
         baseline_name=baseline.manifest.scenario if baseline else "",
         lead=lead,
         law=_law(manifest),
+        **_pictures(manifest, run.results),
+        files=_files(folder),
         **figures_of(drawn),
         number=number,
         unit=spell_unit,
@@ -125,6 +129,27 @@ class Drawn(NamedTuple):
 def _law(manifest: Manifest) -> str:
     """Return the file name of the manager that flew; empty where there is none."""
     return Path(manifest.fmus.get("manager", {}).get("source", "")).stem
+
+
+def _pictures(manifest: Manifest, results: Results) -> dict[str, Any]:
+    """Return the view of orbit and attitude, the diagram of the loop and the craft."""
+    seen = scene.view_of_run(manifest, results)
+    parts = drawings.craft_of_run(manifest)
+    return {
+        "view_data": data_element(seen, "seen") if seen else "",
+        "has_orbit": bool(seen and seen["orbit"]),
+        "diagram": Markup(drawings.loop_of_run(manifest, results)),
+        "craft": Markup(craft.sketch(parts, "Craft, seen obliquely") if parts else ""),
+    }
+
+
+def _files(folder: Path) -> dict[str, str]:
+    """Return what the files beside a report hold, by their names."""
+    known = {
+        "series.h5": "all series (HDF5)",
+        "manifest.json": "values, versions and numbers of the run",
+    }
+    return {name: text for name, text in known.items() if (folder / name).exists()}
 
 
 def _answer(manifest: Manifest) -> str:

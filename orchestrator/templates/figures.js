@@ -17,6 +17,7 @@
   }
   let shown = [];
   let linking = false;
+  let seeking = false; // a cursor that the view of orbit and attitude sets
 
   function values(series) {
     const raw = new Float32Array(bytes(series.data));
@@ -196,11 +197,18 @@
       hooks: {
         drawClear: [(u) => under(u, plot)],
         setScale: [(u, name) => name === "x" && u.status === 1 && link(u)],
-        setCursor: [(u) => now(u.cursor.left >= 0 ? u.posToVal(u.cursor.left, "x") : null)],
+        setCursor: [(u) => {
+          const t = u.cursor.left >= 0 ? u.posToVal(u.cursor.left, "x") : null;
+          now(t);
+          if (plot.seconds && !seeking) {
+            document.dispatchEvent(new CustomEvent("moment", { detail: t }));
+          }
+        }],
       },
     };
     const made = new uPlot(options, [x, ...y], place);
     made.quantity = plot.axis;
+    made.isTime = plot.seconds > 0;
     now = key(plot, place);
     new ResizeObserver(() => {
       if (place.clientWidth && place.clientWidth !== made.width) {
@@ -233,5 +241,29 @@
   drawAll();
   dark.addEventListener("change", drawAll);
   for (const button of document.querySelectorAll(".whole")) button.addEventListener("click", reset);
-  window.desat = { get shown() { return shown; } };
+  document.addEventListener("seek", (event) => {
+    seeking = true;
+    for (const made of shown) {
+      if (!made.isTime) continue;
+      made.setCursor({ left: made.valToPos(event.detail, "x"), top: 10 });
+    }
+    seeking = false;
+  });
+
+  function csv(figure) { // the values of a figure; "" where it is not drawn here
+    const plot = told.plots[Number(figure.id.split("-")[1])];
+    if (!plot) return "";
+    const cell = (v) => (v === null || v === undefined ? "" : /[",\n]/.test(v)
+      ? `"${String(v).replace(/"/g, '""')}"` : v);
+    const unit = plot.seconds ? "s" : plot.unit;
+    const y = plot.label.includes("[") ? ` [${plot.label.split("[").pop()}` : "";
+    const lines = [[unit ? `${plot.axis} [${unit}]` : plot.axis,
+      ...plot.series.map((s) => s.label + y)].map(cell).join(",")];
+    const columns = plot.series.map(values);
+    grids[plot.grid].forEach((x, k) => {
+      lines.push([x, ...columns.map((c) => c[k])].map(cell).join(","));
+    });
+    return lines.join("\n") + "\n";
+  }
+  window.desat = { get shown() { return shown; }, csv };
 })();

@@ -1,0 +1,143 @@
+"""Collect the data of the view of orbit and attitude (`templates/scene.js`).
+
+Series are thinned to at most `ROWS` rows and packed as 16-bit integers with a scale,
+so that they take less than 100 kB in a page.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..analyses.manifest import Manifest
+from ..engine.recording.results import Results
+from ..figures.craft import pieces
+from ..runs.drawings import components_by_role
+from ..system.typed import JsonObject
+from ..system.wheels import axes_of
+
+Array = NDArray[np.float64]
+ROWS = 1500
+EARTH_RADIUS, SUN_RADIUS = 6378.137, 695700.0  # km
+FARTHEST = 1e9  # m: an environment with positions beyond is about the Sun
+MU = {"Earth": 3.986004418e14, "Sun": 1.32712440018e20}  # m3/s2
+
+
+def view_of_run(manifest: Manifest, results: Results) -> JsonObject | None:
+    """Return the data of the view of a run; None where its attitude is not recorded."""
+    roles = components_by_role(manifest)
+    values = {
+        role: manifest.values_of(name)
+        for role, name in roles.items()
+        if role in ("spacecraft", "wheels", "torquers", "thrusters")
+    }
+    sources = sources_of(roles)
+    recorded = set(results.names())
+    series = {
+        name: np.asarray(results.values(source), float)
+        for name, source in sources.items()
+        if source in recorded
+    }
+    return view(np.asarray(results.times(), float), series, values)
+
+
+def sources_of(roles: Mapping[str, str]) -> dict[str, str]:
+    """Return which series the view shows, by its name for each.
+
+    Parameters
+    ----------
+    roles
+        Name of the component of each role.
+    """
+    environment, craft = roles.get("environment", ""), roles.get("spacecraft", "")
+    wheels = roles.get("wheels")
+    return {
+        "r": f"{environment}.r_eci",
+        "b": f"{environment}.b_eci",
+        "sun": f"{environment}.sun_eci",
+        "light": f"{environment}.sunlight",
+        "q": f"{craft}.q_bi",
+        "h": f"{wheels}.h_wheel" if wheels else f"{craft}.h_copy_wheel",
+    }
+
+
+def view(
+    times: Array, series: Mapping[str, Array], values: Mapping[str, Mapping[str, Any]]
+) -> JsonObject | None:
+    """Return the data of the view; None where there is no attitude.
+
+    Parameters
+    ----------
+    times
+        Times (s) of the rows.
+    series
+        By the names of `sources_of`: position (rows, 3) m, field (rows, 3) T, direction
+        of the Sun (rows, 3) and attitude (rows, 4), eci; light (rows,); momentum
+        (rows, wheels) N m s.
+    values
+        Parameters of spacecraft, wheels, torquers and thrusters.
+    """
+    if "q" not in series or len(series["q"]) < 2:
+        return None
+    count = min(len(times), *(len(s) for s in series.values()))
+    stride = max(1, -(-count // ROWS))
+    rows = slice(0, count, stride)
+    times = times[:count][rows]
+    if len(times) < 2:
+        return None
+    shown = {name: s[rows] for name, s in series.items()}
+    craft = values.get("spacecraft", {})
+    if "h" in shown:
+        wheels = values.get("wheels") or craft
+        shown["h"] = shown["h"] @ axes_of(wheels)[:, : shown["h"].shape[1]].T
+    for name in ("b", "sun", "h"):
+        if name in shown and not np.any(shown[name]):
+            del shown[name]
+    centre, period = _orbit(shown)
+    if "r" in shown:
+        shown["r"] = 1e-3 * shown["r"]  # km
+    return {
+        "count": len(times),
+        "first": float(times[0]),
+        "step": float(times[1] - times[0]),
+        "centre": centre,
+        "radius": SUN_RADIUS if centre == "Sun" else EARTH_RADIUS,
+        "orbit": bool(centre),
+        "period": period,
+        "series": {name: _packed(s) for name, s in shown.items()},
+        "craft": [
+            p.to_json()
+            for p in pieces(
+                craft,
+                values.get("wheels"),
+                values.get("torquers"),
+                values.get("thrusters"),
+            )
+        ],
+    }
+
+
+def _orbit(shown: Mapping[str, Array]) -> tuple[str, float]:
+    """Return what the craft orbits, and the period (s) at its start.
+
+    They are "" and 0 where the craft has no position or stays at one.
+    """
+    r = shown.get("r")
+    if r is None or not np.ptp(r, axis=0).any():
+        return "", 0.0
+    distance = np.linalg.norm(r, axis=1)
+    centre = "Sun" if distance[0] > FARTHEST else "Earth"
+    axis = 0.5 * (distance.min() + distance.max())
+    return centre, float(2.0 * np.pi * np.sqrt(axis**3 / MU[centre]))
+
+
+def _packed(values: Array) -> JsonObject:
+    """Return values as base64 of little-endian 16-bit integers, and their scale."""
+    largest = float(np.abs(values).max(initial=0.0, where=np.isfinite(values)))
+    scale = largest / 32767.0 if largest > 0.0 else 1.0
+    rounded = np.rint(np.nan_to_num(values) / scale).astype("<i2")
+    return {"data": base64.b64encode(rounded.tobytes()).decode(), "scale": scale}
