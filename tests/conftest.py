@@ -102,19 +102,24 @@ CHROMIUM = (
 )
 
 
-@pytest.fixture(scope="session")
-def browser():
-    """Chromium, by its name or that of DESAT_CHROMIUM, driven by the package
-    playwright."""
+@pytest.fixture(scope="session", params=["chromium", "firefox"])
+def browser(request):
+    """Chromium, by its name or that of DESAT_CHROMIUM, and the Firefox of playwright
+    (`playwright install firefox`), driven by that package."""
     api = pytest.importorskip("playwright.sync_api", reason="no playwright")
-    if CHROMIUM is None:
+    if request.param == "chromium" and CHROMIUM is None:
         pytest.skip("no Chromium")
     with api.sync_playwright() as started:
-        result = started.chromium.launch(
-            executable_path=CHROMIUM,
-            timeout=30_000,
-            args=["--no-sandbox", "--headless", "--lang=en-US"],
-        )
+        if request.param == "firefox":
+            if not Path(started.firefox.executable_path).exists():
+                pytest.skip("no Firefox of playwright")
+            result = started.firefox.launch(timeout=30_000)
+        else:
+            result = started.chromium.launch(
+                executable_path=CHROMIUM,
+                timeout=30_000,
+                args=["--no-sandbox", "--headless", "--lang=en-US"],
+            )
         yield result
         result.close()
 

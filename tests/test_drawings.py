@@ -24,7 +24,7 @@ from desat.runs.run import Options, execute, load_run
 from desat.system.wheels import existing
 
 SVG = "{http://www.w3.org/2000/svg}"
-COILS, JETS = "integrated/mil-nadir", "nadir_day/dumps"
+COILS = "integrated/mil-nadir"
 
 
 def numbers(packed, columns):
@@ -204,8 +204,6 @@ def page(flight, tmp_path_factory):
 
 def test_the_view_has_what_was_flown(flight):
     seen = view_of_run(flight.manifest, flight.results)
-    assert seen["centre"] == "Earth"
-    assert 5000.0 < seen["period"] < 7000.0
     stride = round(seen["step"] / flight.manifest.step)
     for name, source, columns, factor in (
         ("r", "environment.r_eci", 3, 1e-3),
@@ -231,13 +229,19 @@ def test_the_view_has_what_was_flown(flight):
         (None, ""),
     ],
 )
-def test_what_a_craft_orbits(r, centre):
+def test_what_a_craft_orbits(browser, page, r, centre):
     series = {"q": np.tile([0.0, 0.0, 0.0, 1.0], (50, 1))}
     if r is not None:
-        series["r"] = r
+        series |= {"r": r, "v": np.tile([0.0, 7e3, 0.0], (50, 1))}
+    tab = browser.new_page()
+    tab.goto(page.as_uri())
     seen = view(np.arange(50.0), series, {})
-    assert seen["centre"] == centre
-    assert seen["orbit"] == bool(centre)
+    found = tab.evaluate(
+        "(seen) => { desatScene.show(seen); return desatScene.data.centre; }", seen
+    )
+    assert found == centre
+    assert tab.locator("#scene canvas").first.is_visible() == bool(centre)
+    tab.close()
 
 
 def test_without_an_attitude_there_is_no_view():

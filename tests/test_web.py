@@ -157,6 +157,18 @@ DERIVED: dict[str, list[Any]] = {
 }
 
 
+@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("name", TRIED)
+def test_a_measure_of_few_rows_is_a_number_or_not_reached(name, count):
+    """A run may end after its first step."""
+    known = {k: v[:count] for k, v in rows().items()}
+    inputs = [
+        ("norm" if a == "norm_" else known.get(a, a)) if isinstance(a, str) else a
+        for a in TRIED[name]
+    ]
+    assert isinstance(MEASURES[name](known["times"], *inputs), float | int)
+
+
 @needs_node
 def test_measures_and_derived_quantities_are_those_of_their_python():
     """All measures, each on series of its kind; of derived quantities those that are
@@ -263,7 +275,7 @@ while (flight.some());
 const way = [begun, flight.fault];
 const said = flight.begin(law, moved);
 while (flight.some());
-const told = { first, way, said, fault: flight.fault, table: flight.table,
+const told = { first, way, ended: flight.ended, said, fault: flight.fault, table: flight.table,
   numbers: flight.numbers(), plots: flight.law.plots.map((p) => flight.plot(p)),
   fullest: flight.law.managed && flight.fullest(),
   series: Object.fromEntries(Object.keys(flight.law.series).map((name) =>
@@ -353,6 +365,64 @@ def test_a_craft_that_dumps_by_thrusters_has_the_standard_numbers_on_its_page(
         assert numbers["left_rms"] < 0.8 * numbers["unmanaged_rms"]
 
 
+# a condition that ends a flight, and the slider that then moves
+CONDITIONS = {
+    "below": ("detumbling", "", {"spacecraft.omega_start_body": 6.0}),
+    "above": (
+        "nominal",
+        'signal = "wheels.h_wheel"\nabove = 0.0004\nheld = 20.0',
+        {"spacecraft.residual_dipole_body": 0.3},
+    ),
+    "of a parameter": (
+        "nominal",
+        'signal = "torquers.m_body"\nabove = "0.05 * torquers.m_limit"\nheld = 9.0',
+        {"torquers.m_limit": 0.1},
+    ),
+    "after a step": ("nominal", 'signal = "controller.tau_ctrl_body"\nabove = 0.0', {}),
+    "reaches": ("nominal", 'signal = "manager.mode"\nreaches = 1\nheld = 30.0', {}),
+    "never": ("nominal", 'signal = "wheels.h_wheel"\nabove = 0.5', {}),
+}
+
+
+@needs_node
+@needs_zig
+@pytest.mark.parametrize("kind", CONDITIONS)
+def test_a_flight_ends_where_the_run_ends(craft, tmp_path, kind):
+    """By `stop_when`, as the scenario has it and with a slider moved."""
+    name, condition, moved = CONDITIONS[kind]
+    place = craft / f"ends-{kind.replace(' ', '-')}.toml"
+    text = (craft / f"{name}.toml").read_text()
+    if condition:
+        text += f"\n[stop_when]\n{condition}\n"
+    place.write_text(text)
+    options = Options(stop=9000.0 if kind == "below" else 1500.0, substeps=1)
+    answer = page.export(str(place), {"own": options}, [], tmp_path / "page.html")
+    facts, _ = told_of(answer.path)
+    law = facts["laws"][0]
+    sliders = {s["name"]: s for s in law["sliders"]}
+    for inputs in [{}, moved] if moved else [{}]:
+        sets = [text_of(sliders[k], v, law["values"]) for k, v in inputs.items()]
+        run = execute(str(place), Options(**{**vars(options), "sets": sets}), None)
+        found = fly(answer.path, 0, inputs)
+        assert found["fault"] == ""
+        assert alike(found, run, 1e-9) == []
+        stopped = run.manifest.stopped_when
+        assert (found["ended"] and found["ended"]["time"]) == (stopped and stopped.time)
+        assert (stopped is None) == (kind == "never")
+
+
+def test_a_craft_that_tumbles_has_sliders_of_its_start_and_of_its_brake(craft):
+    system, _ = prepare(read(str(craft / "detumbling.toml")), Options()).or_raise()
+    found = {s.name: s for s in usual(system)}
+    names = ["spacecraft.omega_start_body", "torquers.m_limit", "magnetometer.noise"]
+    assert [n for n in found if not n.startswith("environment")] == [
+        *names,
+        "manager.gain",
+    ]
+    assert found[names[0]].unit == "deg/s"
+    assert found[names[0]].start == pytest.approx(5.0 * 3**0.5)
+
+
 def text_of(slider: dict[str, Any], value: float, values: dict[str, Any]) -> str:
     """`NAME=VALUE` of a slider as the page is told of it."""
     fields = {k: v for k, v in slider.items() if k != "shown"}
@@ -367,7 +437,8 @@ def test_the_same_page_comes_out_again_and_needs_no_server(exported_page, craft)
     tree = html.fromstring(text)
     assert not tree.xpath("//*[@src] | //link | //img")
     assert not re.search(
-        r"url\(|@import|fetch\(|https?://(?!github.com/leeoniya)", text
+        r"url\(|@import|fetch\(|https?://(?!github.com/leeoniya|www.w3.org/2000/svg)",
+        text,
     )
     assert answer.digest in text
     again = page.export(str(craft), laws, SLIDERS, craft.parent / "again.html")
@@ -596,6 +667,7 @@ THRUSTER_SLIDERS = [
     "manager.end",
     "thrusters.tau_level",
     "thrusters.arm",
+    "spacecraft.centre_radiation_body",
     "wheels.h_start_wheel",
 ]
 
@@ -607,7 +679,7 @@ THRUSTER_SLIDERS = [
         (
             "--altitude 600km --inclination 97.8deg --mass 150kg --box 0.6,0.6,0.8 --rods none "
             "--wheels '3 axes 1Nms' --thrusters '4 1N' --dump 'thrusters 60:5'",
-            THRUSTER_SLIDERS,
+            [x.replace("centre_radiation", "centre_drag") for x in THRUSTER_SLIDERS],
         ),
     ],
 )

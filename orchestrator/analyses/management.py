@@ -602,6 +602,9 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
 
     The figure also shows the capacity of a wheel.
     """
+    parts: ManagementParts = manifest.parts[KEY]
+    if parts.brakes and not parts.holds:
+        return []  # a craft that is braked, whose wheels have nothing to hold
     held = balance(manifest, results)
     if held is None or not held.h.shape[1]:
         return []
@@ -609,7 +612,6 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
     from ..figures.style import COLOURS, DOTTED, LIMIT, figure, time_axis
     from ..numbers.text import spell_unit
 
-    parts: ManagementParts = manifest.parts[KEY]
     fullest = np.abs(held.h).max(axis=1)
     without = np.abs(held.without @ held.inverse.T).max(axis=1)
     capacity = _capacity(manifest.values_of(parts.wheels or ""))

@@ -125,8 +125,10 @@ def rms(times: Array, values: Array, each: int = 0) -> float:
 @measure
 def growth_in(times: Array, values: Array, time: float, multiple: float = 1.0) -> float:
     """How much a scalar grows in `time` seconds, from first to last row, times
-    `multiple`; of what grows now and then take `steps_in`.
+    `multiple`; of what grows now and then take `steps_in`. It is nan with one row.
     """
+    if len(times) < 2:
+        return float("nan")
     return float(
         multiple * time * (values[-1, 0] - values[0, 0]) / (times[-1] - times[0])
     )
@@ -350,14 +352,20 @@ def sign_changes(times: Array, values: Array) -> float:
 
 @in_unit(per_second)
 def decay_rate(times: Array, values: Array) -> float:
-    """How fast the size of a vector falls, from first to last row (unit per s)."""
+    """How fast the size of a vector falls, from first to last row (unit per s); nan
+    with one row.
+    """
+    if len(times) < 2:
+        return float("nan")
     size = np.linalg.norm(values[[0, -1]], axis=1)
     return float((size[0] - size[1]) / (times[-1] - times[0]))
 
 
 @in_unit(per_second)
 def mean_rate(times: Array, values: Array) -> float:
-    """How fast a scalar grows, from first to last row (unit per s)."""
+    """How fast a scalar grows, from first to last row (unit per s); nan with one row."""
+    if len(times) < 2:
+        return float("nan")
     return float((values[-1, 0] - values[0, 0]) / (times[-1] - times[0]))
 
 
@@ -411,6 +419,8 @@ def pointing_relative(
     distance of the error vector from its mean over its interval. Its mean, or the value
     that `level` per cent of the time stay below; ECSS-E-ST-60-10C.
     """
+    if len(times) < 2:
+        return float("nan")
     error = error_vector(q, q_ref)
     count = max(1, round(interval / (times[1] - times[0])))
     windows = error[: len(error) // count * count].reshape(-1, count, 3)

@@ -137,7 +137,6 @@ def _pictures(manifest: Manifest, results: Results) -> dict[str, Any]:
     parts = drawings.craft_of_run(manifest)
     return {
         "view_data": data_element(seen, "seen") if seen else "",
-        "has_orbit": bool(seen and seen["orbit"]),
         "diagram": Markup(drawings.loop_of_run(manifest, results)),
         "craft": Markup(craft.sketch(parts, "Craft, seen obliquely") if parts else ""),
     }

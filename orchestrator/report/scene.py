@@ -22,9 +22,6 @@ from ..system.wheels import axes_of
 
 Array = NDArray[np.float64]
 ROWS = 1500
-EARTH_RADIUS, SUN_RADIUS = 6378.137, 695700.0  # km
-FARTHEST = 1e9  # m: an environment with positions beyond is about the Sun
-MU = {"Earth": 3.986004418e14, "Sun": 1.32712440018e20}  # m3/s2
 
 
 def view_of_run(manifest: Manifest, results: Results) -> JsonObject | None:
@@ -57,6 +54,7 @@ def sources_of(roles: Mapping[str, str]) -> dict[str, str]:
     wheels = roles.get("wheels")
     return {
         "r": f"{environment}.r_eci",
+        "v": f"{environment}.v_eci",
         "b": f"{environment}.b_eci",
         "sun": f"{environment}.sun_eci",
         "light": f"{environment}.sunlight",
@@ -75,7 +73,7 @@ def view(
     times
         Times (s) of the rows.
     series
-        By the names of `sources_of`: position (rows, 3) m, field (rows, 3) T, direction
+        By the names of `sources_of`: position and velocity (rows, 3) m, m/s, field (rows, 3) T, direction
         of the Sun (rows, 3) and attitude (rows, 4), eci; light (rows,); momentum
         (rows, wheels) N m s.
     values
@@ -94,20 +92,13 @@ def view(
     if "h" in shown:
         wheels = values.get("wheels") or craft
         shown["h"] = shown["h"] @ axes_of(wheels)[:, : shown["h"].shape[1]].T
-    for name in ("b", "sun", "h"):
-        if name in shown and not np.any(shown[name]):
-            del shown[name]
-    centre, period = _orbit(shown)
-    if "r" in shown:
-        shown["r"] = 1e-3 * shown["r"]  # km
+    for name in ("r", "v"):
+        if name in shown:
+            shown[name] = 1e-3 * shown[name]  # km, km/s
     return {
         "count": len(times),
         "first": float(times[0]),
         "step": float(times[1] - times[0]),
-        "centre": centre,
-        "radius": SUN_RADIUS if centre == "Sun" else EARTH_RADIUS,
-        "orbit": bool(centre),
-        "period": period,
         "series": {name: _packed(s) for name, s in shown.items()},
         "craft": [
             p.to_json()
@@ -119,20 +110,6 @@ def view(
             )
         ],
     }
-
-
-def _orbit(shown: Mapping[str, Array]) -> tuple[str, float]:
-    """Return what the craft orbits, and the period (s) at its start.
-
-    They are "" and 0 where the craft has no position or stays at one.
-    """
-    r = shown.get("r")
-    if r is None or not np.ptp(r, axis=0).any():
-        return "", 0.0
-    distance = np.linalg.norm(r, axis=1)
-    centre = "Sun" if distance[0] > FARTHEST else "Earth"
-    axis = 0.5 * (distance.min() + distance.max())
-    return centre, float(2.0 * np.pi * np.sqrt(axis**3 / MU[centre]))
 
 
 def _packed(values: Array) -> JsonObject:

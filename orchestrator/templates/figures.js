@@ -253,17 +253,10 @@
   function csv(figure) { // the values of a figure; "" where it is not drawn here
     const plot = told.plots[Number(figure.id.split("-")[1])];
     if (!plot) return "";
-    const cell = (v) => (v === null || v === undefined ? "" : /[",\n]/.test(v)
-      ? `"${String(v).replace(/"/g, '""')}"` : v);
     const unit = plot.seconds ? "s" : plot.unit;
     const y = plot.label.includes("[") ? ` [${plot.label.split("[").pop()}` : "";
-    const lines = [[unit ? `${plot.axis} [${unit}]` : plot.axis,
-      ...plot.series.map((s) => s.label + y)].map(cell).join(",")];
-    const columns = plot.series.map(values);
-    grids[plot.grid].forEach((x, k) => {
-      lines.push([x, ...columns.map((c) => c[k])].map(cell).join(","));
-    });
-    return lines.join("\n") + "\n";
+    const head = [unit ? `${plot.axis} [${unit}]` : plot.axis, ...plot.series.map((s) => s.label + y)];
+    return csvText(head, [grids[plot.grid], ...plot.series.map(values)]);
   }
   window.desat = { get shown() { return shown; }, csv };
 })();

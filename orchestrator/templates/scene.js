@@ -13,6 +13,9 @@ function makeScene(root, seek) {
     return { show() {}, at() {}, turned };
   }
   const cameras = [{ turn: 0.9, tilt: 0.45 }, { turn: 0.7, tilt: 0.35 }];
+  const EARTH_RADIUS = 6378.137, SUN_RADIUS = 695700, AU = 149597870.7; // km
+  const MU = { Earth: 398600.4418, Sun: 1.32712440018e11 }; // km3/s2
+  const FARTHEST = 1e6; // km: positions beyond are from the Sun
   const GREEN = "#2e8b57", YELLOW = "#e08e0b", BLUE = "#0b62a4", GREY = "#8b98a8";
   let data = null, series = {}, row = 0, playing = 0, seenBefore = false;
 
@@ -85,18 +88,18 @@ function makeScene(root, seek) {
     const r = vector("r", row);
     const sun = series.sun ? unit(vector("sun", row)) : [0, 0, 0];
     const hidden = (p) => dot(p, toward) < 0 && Math.hypot(...flat(p)) < radius;
+    const ring = ellipse();
     const path = (behind) => {
       ctx.strokeStyle = css("--ink");
       ctx.lineWidth = 1.5;
+      ctx.globalAlpha = behind ? 0.35 : 1;
       ctx.beginPath();
       let open = false;
-      for (let k = data.from(row); k <= data.to(row); k++) {
-        const p = vector("r", k);
+      for (const p of ring) {
         if (hidden(p) !== behind) { open = false; continue; }
         ctx[open ? "lineTo" : "moveTo"](...flat(p));
         open = true;
       }
-      ctx.globalAlpha = behind ? 0.35 : 1;
       ctx.stroke();
       ctx.globalAlpha = 1;
     };
@@ -179,8 +182,7 @@ function makeScene(root, seek) {
   function frame() { // along the track, across it, and away from the Earth; eci without an orbit
     if (!data.orbit) return [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
     const away = unit(vector("r", row));
-    const k = Math.min(row, data.count - 2);
-    const across = unit(cross(vector("r", k), vector("r", k + 1)));
+    const across = unit(cross(vector("r", row), vector("v", row)));
     return [cross(across, away), across, away];
   }
 
@@ -241,7 +243,7 @@ function makeScene(root, seek) {
     if (data.orbit) {
       const r = length(vector("r", row));
       parts.push(data.centre === "Earth" ? `altitude ${text(r - data.radius, 1)} km`
-        : `${text(r / 149597870.7, 1e-3)} au from the Sun`);
+        : `${text(r / AU, 1e-3)} au from the Sun`);
     }
     if (series.light) parts.push(series.light[row] > 0.5 ? "in sunlight"
       : series.light[row] > 0.01 ? "in penumbra" : "in shadow");
@@ -278,11 +280,40 @@ function makeScene(root, seek) {
     draw();
   }
 
-  function show(told) { // data as of scene.py
+  function centreOf(count) { // what the craft orbits; "" where it stays at a place
+    if (!series.r || !series.v) return "";
+    let moves = false;
+    for (let i = 3; i < 3 * count && !moves; i++) moves = series.r[i] !== series.r[i % 3];
+    if (!moves) return "";
+    return length(vector("r", 0)) > FARTHEST ? "Sun" : "Earth";
+  }
+
+  function ellipse() { // points of the osculating orbit, km; none of an open one
+    const r = vector("r", row), v = vector("v", row), mu = MU[data.centre];
+    const h = cross(r, v);
+    const a = 1 / (2 / length(r) - dot(v, v) / mu);
+    const shape = plus(times(cross(v, h), 1 / mu), times(unit(r), -1));
+    const e = length(shape);
+    if (!(a > 0) || e >= 1) return [];
+    const first = e > 1e-8 ? unit(shape) : unit(r);
+    const second = cross(unit(h), first);
+    return Array.from({ length: 145 }, (_, k) => {
+      const E = 2 * Math.PI * k / 144;
+      return plus(times(first, a * (Math.cos(E) - e)),
+        times(second, a * Math.sqrt(1 - e * e) * Math.sin(E)));
+    });
+  }
+
+  function show(told) { // data as of report/scene.py, or with series as arrays of numbers
     series = {};
-    for (const name of Object.keys(told.series)) series[name] = decode(told.series[name]);
+    for (const [name, s] of Object.entries(told.series)) series[name] = s.data ? decode(s) : s;
+    for (const name of ["b", "sun", "h"]) {
+      if (series[name] && !series[name].some((v) => v !== 0)) delete series[name];
+    }
+    const centre = centreOf(told.count);
     const clock = Float64Array.from({ length: told.count }, (_, k) => told.first + k * told.step);
-    data = { ...told, times: clock };
+    data = { ...told, times: clock, centre, orbit: centre !== "",
+      radius: centre === "Sun" ? SUN_RADIUS : EARTH_RADIUS };
     const r = series.r;
     data.reach = 0;
     for (let k = 0; r && k < told.count; k++) data.reach = Math.max(data.reach, length(vector("r", k)));
@@ -290,18 +321,14 @@ function makeScene(root, seek) {
     for (let k = 0; series.h && k < told.count; k++) {
       data.largest = Math.max(data.largest, length(vector("h", k)));
     }
-    // one turn about the row, so that an orbit whose plane drifts stays a line
-    const period = told.period > 0 ? told.period : Infinity;
-    const rows = period / told.step;
-    data.from = (k) => Math.max(0, Math.min(Math.ceil(k - rows / 2), told.count - 1 - Math.ceil(rows)));
-    data.to = (k) => Math.min(told.count - 1, data.from(k) + Math.ceil(rows));
     data.size = Math.max(...told.craft.flatMap((p) => [...p.faces, ...p.lines]).flat().map(length));
-    if (!seenBefore && series.sun && told.centre === "Earth") { // the day's side, obliquely
+    if (!seenBefore && series.sun && centre === "Earth") { // the day's side, obliquely
       const sun = vector("sun", 0);
       cameras[0].turn = Math.atan2(sun[1], sun[0]) + 0.7;
     }
     seenBefore = true;
-    views[0].hidden = !told.orbit;
+    views[0].hidden = !centre;
+    root.classList.toggle("orbiting", Boolean(centre));
     slider.max = told.count - 1;
     row = Math.min(row, told.count - 1);
     root.classList.add("drawn");
@@ -337,5 +364,5 @@ function makeScene(root, seek) {
   });
   addEventListener("resize", draw);
   dark.addEventListener("change", draw);
-  return { show, at, turned, get row() { return row; } };
+  return { show, at, turned, get row() { return row; }, get data() { return data; } };
 }

@@ -2,7 +2,6 @@
 (() => {
   "use strict";
   const root = document.getElementById("scene");
-  root.style.display = "block";
   const scene = makeScene(root, (t) => {
     document.dispatchEvent(new CustomEvent("seek", { detail: t }));
   });

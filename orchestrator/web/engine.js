@@ -103,6 +103,8 @@ class Flight {
     this.balanced = null;
     this.fault = "";
     this.warnings = [];
+    this.ended = null; // {time} where the condition of `stop_when` has held for long enough
+    this.since = null;
     this.columns = {};
     for (const [name, s] of Object.entries(this.law.series)) {
       this.columns[name] = new Float64Array((told.steps + (s.interval ? 0 : 1)) * s.size);
@@ -119,6 +121,7 @@ class Flight {
     }
     if (!calls.web_start(told.start)) return (this.fault = this.said());
     this.keep(0, 1, false);
+    if (this.law.ends && !this.law.series[this.law.ends.series].interval) this.watch(0);
     return "";
   }
 
@@ -142,9 +145,64 @@ class Flight {
     const wanted = Math.min(ROWS, told.steps - this.made);
     const count = calls.web_fly(wanted, told.start, this.made, told.step);
     this.keep(this.made, count, true);
+    const before = this.made;
     this.made += count;
     if (count < wanted) this.fault = this.said();
-    return !this.fault && this.made < told.steps;
+    for (let k = before + 1; this.law.ends && k <= this.made && !this.ended; k++) this.watch(k);
+    if (this.ended) [this.made, this.fault] = [this.ended.steps, ""];
+    return !this.fault && !this.ended && this.made < told.steps;
+  }
+
+  // The condition of `stop_when` after step k, as runs/stopping.py has it.
+  watch(k) {
+    const { series, kind, limit, held } = this.law.ends;
+    const { size, interval } = this.law.series[series];
+    const row = interval ? k - 1 : k;
+    const bound = evaluated(limit, this.table);
+    let largest = 0, all = true;
+    for (let i = 0; i < size; i++) {
+      const value = this.columns[series][row * size + i];
+      largest = Math.max(largest, Math.abs(value));
+      all &&= value === bound;
+    }
+    const met = kind === "reaches" ? all : kind === "below" ? largest < bound : largest > bound;
+    const time = this.told.start + row * this.told.step;
+    if (!met) this.since = null;
+    else if (this.since === null) this.since = time;
+    if (met && k > 0 && time - this.since >= held - 1e-9) {
+      this.ended = { steps: k, time: this.told.start + k * this.told.step };
+    }
+  }
+
+  // Steps of which plots have room: those of the run, or those until it ended.
+  get rows() {
+    return (this.ended ? this.made : this.told.steps) + 1;
+  }
+
+  // Orbit and attitude, thinned, for scene.js; null where there is no attitude.
+  view(most) {
+    const { view, series } = this.law;
+    if (!view.series.q || this.made < 1) return null;
+    const stride = Math.ceil(this.rows / most);
+    const count = Math.floor(this.made / stride) + 1;
+    const found = {};
+    for (const [name, of] of Object.entries(view.series)) {
+      const { size } = series[of];
+      const scale = name === "r" || name === "v" ? 1e-3 : 1; // km, km/s
+      found[name] = Float64Array.from({ length: count * size },
+        (_, i) => scale * this.columns[of][Math.floor(i / size) * stride * size + (i % size)]);
+    }
+    if (found.h) {
+      const axes = this.table[view.axes] ?? this.law.values[view.axes];
+      const wheels = axes.length / 3;
+      const { h } = found;
+      found.h = Float64Array.from({ length: 3 * count }, (_, i) => {
+        let sum = 0;
+        for (let w = 0; w < wheels; w++) sum += axes[(i % 3) * wheels + w] * h[Math.floor(i / 3) * wheels + w];
+        return sum;
+      });
+    }
+    return { count, first: this.told.start, step: stride * this.told.step, series: found, craft: view.craft };
   }
 
   times(count) {

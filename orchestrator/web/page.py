@@ -8,9 +8,11 @@ parameters that follow from others by the scenario's expressions (`values.py`).
 from __future__ import annotations
 
 import base64
+import os
 import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
@@ -34,8 +36,11 @@ from ..numbers.numbers import scale
 from ..numbers.text import spell_unit
 from ..report.policy import part
 from ..report.report import data_element, render
+from ..report.scene import sources_of
 from ..runs import substep_choice
+from ..runs.drawings import craft_of_system
 from ..runs.prepare import Target, prepare, read
+from ..runs.stopping import condition as condition_of
 from ..system.craft import carrier
 from ..system.errors import DesatError
 from ..system.expression import Table, factor, product
@@ -115,7 +120,11 @@ def check_request(sliders: Sequence[str], file: Path | None) -> None:
 
 
 def export(
-    target: str, laws: Mapping[str, Options], sliders: Sequence[str], file: Path | None
+    target: str,
+    laws: Mapping[str, Options],
+    sliders: Sequence[str],
+    file: Path | None,
+    author: str = "",
 ) -> WrittenPage:
     """Write the page of a target.
 
@@ -129,6 +138,8 @@ def export(
         `NAME=FROM:TO` each; empty: the usual ones.
     file
         Path of the page; default: NAME.html.
+    author
+        Who made it, for the page; "": not named.
 
     Returns
     -------
@@ -158,7 +169,7 @@ def export(
     data["digest"] = module.digest(found)
     data["wasm"] = base64.b64encode(module.compiled(found)).decode()
     path = file or Path(f"{Path(target).absolute().name.removesuffix('.toml')}.html")
-    io.replace_text(path, _page(data, code))
+    io.replace_text(path, _page(data, code, author))
     return WrittenPage(
         path,
         data["digest"],
@@ -172,14 +183,9 @@ def _prepare_law(
 ) -> _LawSystem:
     """Prepare a law of a target and choose its substeps.
 
-    Raises DesatError if the case has problems or uses `stop_when`.
+    Raises DesatError if the case has problems.
     """
     system, _ = prepare(source, options).or_raise()
-    if content_of(system.about).stop_when is not None:
-        raise DesatError(
-            f"{target}: it has stop_when, which a page does not support; a scenario without "
-            "it is needed"
-        )
     choice = substep_choice.choose(target, system, options)
     if choice is not None:
         system = replace(system, substeps=choice.substeps)
@@ -336,6 +342,9 @@ def _series(law: _LawSystem) -> set[str]:
         series_needed |= {*management.signals(parts), *management.balanced(parts)}
         if parts.wheels:
             series_needed.add(f"{parts.wheels}.h_wheel")
+    if ends := content.stop_when:
+        series_needed.add(ends.signal)
+    series_needed |= {*_view_sources(law.system).values()}
     return series_needed & there
 
 
@@ -376,6 +385,8 @@ def _page_data(
     seconds, unit = time_axis(np.array([first.start, first.stop]))
     return code, {
         "title": law_systems[0].content.title or first.name,
+        "description": law_systems[0].content.description,
+        "source": law_systems[0].content.source,
         "target": target,
         "version": version("desat"),
         "step": first.step,
@@ -416,6 +427,11 @@ def _law(
         v for n in numbers for v in n["own"].values()
     }
     parameters |= {*managed["values"]} if managed else set()
+    ends, view = _ends(law), _view(law.system)
+    if ends and isinstance(ends["limit"], dict):
+        parameters |= {*names_of(ends["limit"])}
+    if view["axes"]:
+        parameters.add(view["axes"])
     return {
         "name": law.name,
         "substeps": law.system.parts,
@@ -429,6 +445,8 @@ def _law(
         "numbers": numbers,
         "plots": plots,
         "managed": managed,
+        "ends": ends,
+        "view": view,
         "sliders": [{**s.page_data(), "shown": spell_unit(s.unit)} for s in sliders],
         "usual": _usual_ranges(law.system, {name for name, _ in slots}),
     }
@@ -647,6 +665,46 @@ def _limits(plot: Plot, law: _LawSystem, unit: str) -> Iterator[JsonObject]:
         yield {"name": limit.name or name, "value": value, "filled": limit.fill}
 
 
+def _ends(law: _LawSystem) -> JsonObject | None:
+    """Return the condition that ends a flight (`stop_when`); None without one."""
+    condition, stop_when = condition_of(law.system), law.content.stop_when
+    if condition is None or stop_when is None:
+        return None
+    limit: float | Expression = condition.limit
+    side = stop_when.below if condition.kind == "below" else stop_when.above
+    if isinstance(side, str):
+        unit = _unit(law.system, stop_when.signal)
+        of = product(side, law.known)[1]
+        limit = expression(side, law.known, factor(of, unit, f'of "{side}"'))
+    return {
+        "series": stop_when.signal,
+        "kind": condition.kind,
+        "limit": limit,
+        "held": condition.held,
+        "text": condition.text,
+    }
+
+
+def _view_sources(system: System) -> dict[str, str]:
+    """Return the series of the view of orbit and attitude, by its names for them."""
+    sources = sources_of({role: c.name for role, c in system.roles.items()})
+    there = _there(system)
+    return {name: series for name, series in sources.items() if series in there}
+
+
+def _view(system: System) -> JsonObject:
+    """Return the series, the wheels' axes and the craft of the view."""
+    owner = system.roles.get("wheels") or system.roles.get("spacecraft")
+    axes = f"{owner.name}.axes_wheel" if owner else ""
+    if owner is None or "axes_wheel" not in owner.values:
+        axes = ""
+    return {
+        "series": _view_sources(system),
+        "axes": axes,
+        "craft": [p.to_json() for p in craft_of_system(system)],
+    }
+
+
 def _managed(law: _LawSystem) -> JsonObject | None:
     """Return the data of the management numbers and of the curve without management.
 
@@ -686,6 +744,7 @@ def _managed(law: _LawSystem) -> JsonObject | None:
     }
     return {
         "series": series,
+        "drawn": parts.holds or not parts.brakes,
         "there": there.tolist(),
         "target": list(parts.target),
         "inverse": np.linalg.pinv(axes[:, there]).tolist(),
@@ -731,13 +790,18 @@ def _asset(name: str) -> str:
     return (files(__package__) / name).read_text(encoding="utf-8")
 
 
-def _page(content: JsonObject, code: str) -> str:
-    """Return the HTML of the page."""
+def _page(content: JsonObject, code: str, author: str) -> str:
+    """Return the HTML of the page; `author` made it, today or on SOURCE_DATE_EPOCH."""
+    seconds = os.environ.get("SOURCE_DATE_EPOCH")
+    now = datetime.fromtimestamp(float(seconds), UTC) if seconds else datetime.now(UTC)
+    date = f"{now:%Y-%m-%d}"
     worker = "\n".join([numpy_source(), code, _asset("engine.js"), _asset("worker.js")])
     return render(
         "web.html",
         title=content["title"],
         told=content,
+        made_by=author,
+        made_on=date,
         command=f"desat run {shlex.quote(content['target'])}",
         uplot_css=part("uplot/uPlot.min.css"),
         uplot_licence=part("uplot/LICENSE"),

@@ -138,24 +138,60 @@ THRUSTERS = (
     ("thrusters", "position_nozzle"),
 )
 
+# of a tumbling craft that coils brake
+TUMBLING = (
+    ("spacecraft", "omega_start_body"),
+    ("torquers", "m_limit"),
+    ("magnetometer", "noise"),
+)
+# choice of a torque on surfaces, and the lever arm of that torque
+LEVERS = (
+    ("aerodynamics", "centre_drag_body"),
+    ("radiation", "centre_radiation_body"),
+)
+
+
+def _is_braked(system: System) -> bool:
+    """Return whether the manager is a block of ours that brakes a tumbling craft."""
+    manager = system.roles.get("manager")
+    if manager is None or manager.interface.model not in names():
+        return False
+    return bool(getattr(block_class(manager.interface.model), "brakes", False))
+
+
+def _surfaces(system: System) -> tuple[tuple[str, str], ...]:
+    """Return the lever arms of drag and radiation, as far as they act by an area."""
+    craft = system.roles.get("spacecraft")
+    if craft is None:
+        return ()
+    acting = [
+        ("spacecraft", lever)
+        for choice, lever in LEVERS
+        if choice in craft.values and craft.choice(choice) == "area"
+    ]
+    return tuple(acting[:1])  # where there is air, drag is the larger one
+
 
 def usual(system: System) -> list[Slider]:
     """Return the default sliders of a page, as far as the system has them.
 
-    A craft that dumps by thrusters alone has those of its dumps. Where there are coils
-    there are also those of the orbit, of the coils and of the wheels, and the gain of
-    the law.
+    A craft that dumps by thrusters alone has those of its dumps, a tumbling one those of
+    its start and of what brakes it. Where there are coils there are also those of the
+    orbit, of the coils and of the wheels, and the gain of the law. The lever arm of drag
+    or radiation is among them where it acts.
     """
     start = ("wheels", "h_start_wheel")
     wheels = (("wheels", "speed_limit"), start)
+    gain = ("manager", _gain(system))
     names: tuple[tuple[str, str], ...]
-    if "thrusters" not in system.roles:
-        names = (*ORBIT, *COILS, ("manager", _gain(system)), *wheels)
+    if _is_braked(system):
+        names = (*ORBIT, *TUMBLING, gain)
+    elif "thrusters" not in system.roles:
+        names = (*ORBIT, *COILS, *_surfaces(system), gain, *wheels)
     elif "torquers" in system.roles:
-        law = (("manager", _gain(system)), *THRUSTERS)
-        names = (*ORBIT, *COILS, *law, *wheels)
+        names = (*ORBIT, *COILS, *_surfaces(system), gain, *THRUSTERS, *wheels)
     else:
-        names = (*THRUSTERS, start)
+        names = (*THRUSTERS, *_surfaces(system), start)
     found = []
     for owner, name in names:
         component = system.roles.get(owner)
@@ -371,6 +407,8 @@ def _shown(signal: Signal, value: float) -> tuple[str, float, float]:
     shown_unit = {"rad": "deg", "rad/s": "rpm", "N.m.s": "mN.m.s", "N.m": "mN.m"}.get(
         own_unit, own_unit
     )
+    if signal.array.startswith("omega"):
+        shown_unit = "deg/s"
     if own_unit == "m" and abs(value) >= 1e4:
         shown_unit = "km"
     if own_unit.startswith("N.m") and abs(value) >= 1.0:

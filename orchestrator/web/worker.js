@@ -2,21 +2,25 @@
 // In a worker: flies as it is asked to, shows what there is of it now and then, and stops where it is
 // asked for something newer.
 const PARTS = 600; // of a line
+const ROWS_OF_VIEW = 1500;
 const SHARE = 4; // of the time that a look takes, so long until the next one
 
 let newest = 0;
 let flight = null;
 
 function shown(id, began, last) {
-  const rows = flight.told.steps + 1;
+  const { rows } = flight;
   const message = {
     id, done: flight.made, fault: flight.fault, warnings: flight.warnings, last, seconds: (performance.now() - began) / 1e3,
     times: thinnedTimes(flight.told, rows, PARTS),
-    plots: (flight.law.managed ? [null] : []).concat(flight.law.plots).map((of) => {
+    plots: (flight.law.managed?.drawn ? [null] : []).concat(flight.law.plots).map((of) => {
       const { lines, limits } = of ? flight.plot(of) : flight.fullest();
       return { lines: thinned(lines, rows, PARTS), limits };
     }),
   };
+  message.end = flight.told.start + (rows - 1) * flight.told.step;
+  message.ended = flight.ended;
+  if (last) message.view = flight.view(ROWS_OF_VIEW);
   if (last && !flight.fault) message.numbers = flight.numbers();
   postMessage(message);
 }

@@ -38,6 +38,12 @@ def web(
         Path | None,
         o.output_file("--out", "The file to write (default: NAME.html)."),
     ] = None,
+    author: Annotated[
+        str,
+        typer.Option(
+            "--author", metavar="NAME", help="Who made the page, for its readers."
+        ),
+    ] = "",
     sets: o.Sets = None,
     sources: o.Sources = None,
     stop: o.Stop = None,
@@ -65,7 +71,11 @@ def web(
     )
     check_request(sliders or (), file)
     page = export(
-        target, options_of_laws(target, options, laws or ()), sliders or (), file
+        target,
+        options_of_laws(target, options, laws or ()),
+        sliders or (),
+        file,
+        author,
     )
     for line in page.notes:
         err.print(f"note: {line}")

@@ -19,6 +19,12 @@
   let shown = null; // what was flown last: {law, moved, plots, numbers}
   let reference = null;
   let charts = [];
+  let seeking = false; // cursors follow the view of orbit and attitude
+  const scene = makeScene($id("scene"), (t) => {
+    seeking = true;
+    for (const { plot } of charts) plot?.setCursor({ left: plot.valToPos(t, "x"), top: 10 });
+    seeking = false;
+  });
 
   // --- values --------------------------------------------------------------------------------------
 
@@ -127,8 +133,8 @@
     $id("sliders").replaceChildren(...sliders().map((slider) => {
       const thumb = make("input", { type: "range", min: slider.low, max: slider.high, step: "any", id: `range-${slider.name}` });
       const field = make("input", { type: "text", inputMode: "decimal", id: `value-${slider.name}` });
-      field.setAttribute("aria-label", `${slider.name}, ${slider.shown}`);
-      thumb.setAttribute("aria-label", slider.name);
+      field.setAttribute("aria-label", `${slider.title}${slider.shown ? `, in ${slider.shown}` : ""}`);
+      thumb.setAttribute("aria-label", slider.title);
       const aside = make("span", { className: "note" });
       const refusal = make("span", { className: "bad refused" });
       refusal.setAttribute("role", "alert");
@@ -212,7 +218,7 @@
   const NONE = "without management (estimated)";
   const plotsOf = (l) => {
     const { managed, plots } = told.laws[l];
-    const first = managed && { title: "Momentum of the fullest wheel, with management and without",
+    const first = managed?.drawn && { title: "Momentum of the fullest wheel, with management and without",
       label: managed.label, names: ["with management", NONE], limits: ["capacity"], log: false };
     return [...(first ? [first] : []), ...plots.map((p) => ({ ...p,
       names: p.norm ? p.signals : p.lines.flat().filter(Boolean), limits: p.limits.map((x) => x.name) }))];
@@ -258,7 +264,7 @@
     const width = (u, labels) => 16 + 7.5 * Math.max(3, ...(labels || []).map((s) => (s || "").length));
     charts[i].plot = new uPlot({
       width: place.clientWidth, height: 270,
-      scales: { x: { time: false, range: () => [told.start, told.stop] }, y: { distr: of.log ? 3 : 1,
+      scales: { x: { time: false, range: () => [told.start, shown.end] }, y: { distr: of.log ? 3 : 1,
         range: (u, low, high) => {
           if (low === null) return [0, 1];
           if (of.log) return uPlot.rangeLog(low, high, 10, false);
@@ -273,10 +279,11 @@
           splits: of.log ? (u, a, low, high) => decades(low, high) : (u, a, low, high) => multiples(low, high, 7), filter: (u, all) => all,
           values: (u, all) => all.map((v) => text(v, of.log ? v : finer(apart(all, 1)))) },
       ],
-      series: [{ label: "time", value: (u, t) => (t === null ? "–" : `${text(t / told.seconds, (told.stop - told.start) / told.seconds / 1e4)} ${told.time_unit}`) },
+      series: [{ label: "time", value: (u, t) => (t === null ? "–" : `${text(t / told.seconds, (shown.end - told.start) / told.seconds / 1e4)} ${told.time_unit}`) },
         ...series.map((s) => ({ label: s.label, stroke: shade(s), width: s.width, dash: s.dash, points: { show: false },
           value: (u, v) => text(v, (u.scales.y.max - u.scales.y.min) / 1e4) }))],
       cursor: { y: false, drag: { x: false, y: false }, sync: { key: "time", setSeries: false, scales: ["x", null] } },
+      hooks: { setCursor: [(u) => !seeking && u.cursor.left >= 0 && scene.at(u.posToVal(u.cursor.left, "x"))] },
       legend: { markers: { width: 2 } },
     }, [shown.times, ...series.map((s) => s.y)], place);
     // the other side of a limit needs no name
@@ -288,8 +295,10 @@
     const plots = plotsOf(shown.law);
     if (charts.map((c) => c.title).join("\n") !== plots.map((p) => p.title).join("\n")) {
       for (const c of charts) c.plot?.destroy();
-      charts = plots.map((p) => ({ title: p.title, place: make("div"), note: make("p", { className: "note" }) }));
-      const figures = charts.map((c) => make("figure", {}, make("figcaption", { textContent: c.title }), c.place, c.note));
+      charts = plots.map((p) => ({ title: p.title, place: make("div"), note: make("p", { className: "note" }),
+        bar: make("p", { className: "note save" }) }));
+      charts.forEach((c, i) => saveBar(c.bar, c.title, () => chartSvg(charts[i].plot, c.title), () => chartCsv(i)));
+      const figures = charts.map((c) => make("figure", {}, make("figcaption", { textContent: c.title }), c.place, c.note, c.bar));
       $id("first").replaceChildren(...figures.slice(0, 1));
       $id("plots").replaceChildren(...figures.slice(1));
     }
@@ -300,6 +309,93 @@
       charts[i].plot.setData([shown.times, ...series.map((s) => s.y)]);
     });
     numbers();
+    answer();
+    if (shown.view) scene.show(shown.view);
+  }
+
+  // The values of a chart as they are drawn: least and most of parts of a longer line.
+  function chartCsv(i) {
+    const { of, series } = content(i);
+    const unit = of.label.includes("[") ? ` [${of.label.split("[").pop()}` : "";
+    return csvText(["time [s]", ...series.map((s) => (s.label || "limit") + unit)],
+      [shown.times, ...series.map((s) => s.y)]);
+  }
+
+  // A chart as an SVG on white.
+  function chartSvg(u, title) {
+    const safe = (s) => String(s).replace(/[&<>]/g, (c) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;" })[c]);
+    const ratio = devicePixelRatio || 1;
+    const [x0, y0, wide, high] = ["left", "top", "width", "height"].map((k) => u.bbox[k] / ratio);
+    const parts = [`<text x="${x0}" y="14" font-weight="600">${safe(title)}</text>`];
+    const top = 22; // of the title
+    const place = (v, scale) => (scale === "x" ? x0 : y0 + top) + u.valToPos(v, scale);
+    u.axes.forEach((axis, k) => axis._splits.forEach((v, i) => {
+      const p = place(v, axis.scale);
+      const label = safe(axis._values[i] ?? "");
+      parts.push(k === 0 ? `<path d="M${p} ${y0 + top}v${high}" stroke="#ddd"/><text x="${p}" y="${y0 + top + high + 18}" text-anchor="middle">${label}</text>`
+        : `<path d="M${x0} ${p}h${wide}" stroke="#ddd"/><text x="${x0 - 8}" y="${p + 4}" text-anchor="end">${label}</text>`);
+    }));
+    parts.push(`<path d="M${x0} ${y0 + top}v${high}h${wide}" fill="none" stroke="#222"/>`);
+    parts.push(`<text x="${x0 + wide / 2}" y="${y0 + top + high + 36}" text-anchor="middle">${safe(u.axes[0].label)}</text>`);
+    parts.push(`<text transform="translate(14 ${y0 + top + high / 2})rotate(-90)" text-anchor="middle">${safe(u.axes[1].label)}</text>`);
+    let key = x0;
+    u.series.slice(1).forEach((s, i) => {
+      const path = [];
+      let open = false;
+      u.data[i + 1].forEach((v, k) => {
+        if (v === null) { open = false; return; }
+        path.push(`${open ? "L" : "M"}${place(u.data[0][k], "x").toFixed(1)} ${place(v, "y").toFixed(1)}`);
+        open = true;
+      });
+      const look = `stroke="${s.stroke()}" stroke-width="${s.width}"${s.dash ? ` stroke-dasharray="${s.dash}"` : ""}`;
+      parts.push(`<path d="${path.join("")}" fill="none" ${look}/>`);
+      if (!s.label) return;
+      const y = y0 + top + high + 56;
+      parts.push(`<path d="M${key} ${y - 4}h16" fill="none" ${look}/><text x="${key + 20}" y="${y}">${safe(s.label)}</text>`);
+      key += 36 + 6.5 * s.label.length;
+    });
+    return `<svg xmlns="http://www.w3.org/2000/svg" width="${Math.max(u.width, key)}" height="${y0 + top + high + 66}" `
+      + `font-family="system-ui, sans-serif" font-size="12" fill="#222">${parts.join("")}</svg>`;
+  }
+
+  // The sentence that answers: how full the wheels get, with and without management.
+  function answer() {
+    const { managed, ends } = told.laws[shown.law];
+    const place = $id("answer");
+    if (!shown.numbers) return place.replaceChildren();
+    const titles = titlesOf(shown.law);
+    const missed = Object.entries(titles).filter(([name, t]) => name in shown.numbers
+      && failed(t.required, shown.numbers[name])).map(([, t]) => t.title);
+    const hours = (t) => (t - told.start >= 2 * 86400 ? `${number((t - told.start) / 86400)} d`
+      : `${number((t - told.start) / told.seconds)} ${told.time_unit}`);
+    const when = (line, limit) => {
+      const k = line.findIndex((v) => v >= limit);
+      return k < 0 ? null : shown.times[k];
+    };
+    const parts = [];
+    if (ends) {
+      const asks = Object.keys(titles).find((name) => name in shown.numbers && titles[name].required.max !== undefined);
+      const { title, unit } = titles[asks] || { title: ends.text };
+      parts.push(shown.ended && asks ? `${title}: ${number(shown.numbers[asks])} ${unit}`
+        : `${shown.ended ? "Reached" : "Not reached"} ${shown.ended ? "after" : "within"} ${hours(shown.end)}: ${title}`);
+    }
+    if (managed?.drawn && !ends) {
+      const [capacity] = shown.plots[0].limits;
+      const [own, none] = shown.plots[0].lines;
+      const full = when(own, 0.999 * capacity);
+      const margin = shown.numbers.momentum_margin;
+      parts.push(full === null ? `Holds: the fullest wheel keeps a margin of ${number(margin)} %`
+        : `Does not hold: a wheel is full after ${hours(full)}`);
+      if (none) {
+        const without = when(none, capacity);
+        parts.push(without === null ? `without management it would be ${number(100 * most([known(none)]) / capacity)} % full`
+          : `without management full after ${hours(without)}`);
+      }
+    }
+    if (missed.length) parts.push(`NOT MET: ${missed.join(", ")}`);
+    const bad = missed.length || /^(Not|Does)/.test(parts[0] || "");
+    place.className = bad ? "bad" : "ok";
+    place.replaceChildren(...(parts.length ? [make("b", { textContent: `${parts.join("; ")}.` })] : []));
   }
 
   // --- numbers -------------------------------------------------------------------------------------
@@ -312,10 +408,12 @@
     }
     return found;
   };
+  const failed = ({ min, max }, value) => (min !== undefined || max !== undefined)
+    && (value === null || value < min || value > max);
   function requirement({ min, max }, value) {
     const limits = [...(min === undefined ? [] : [`at least ${number(min)}`]), ...(max === undefined ? [] : [`at most ${number(max)}`])];
     if (!limits.length) return make("td");
-    const met = value !== null && !(value < min) && !(value > max);
+    const met = !failed({ min, max }, value);
     return make("td", { className: met ? "ok" : "bad", textContent: `${limits.join(", ")}: ${met ? "met" : "NOT MET"}` });
   }
   function numbers() {
@@ -344,12 +442,14 @@
     warn();
     $id("fault").textContent = data.fault ? `${data.done ? `After ${data.done} steps: ` : "It cannot start: "}${data.fault}` : "";
     if (data.last) {
-      const flown = `${Math.round(data.done * told.step / 360) / 10} h in ${data.seconds?.toFixed(2)} s`;
+      const span = data.done * told.step;
+      const flown = `${span < 3600 ? `${number(span)} s` : `${Math.round(span / 360) / 10} h`} in ${data.seconds?.toFixed(2)} s`;
       $id("state").textContent = data.fault ? "" : `flown: ${flown}`;
       document.documentElement.dataset.flown = data.id; // for who waits
     } else $id("state").textContent = `flying … ${Math.round((100 * data.done) / told.steps)} %`;
     if (!data.plots.length) return;
-    shown = { law, moved: { ...moved }, numbers: data.numbers, plots: data.plots, times: data.times };
+    shown = { law, moved: { ...moved }, numbers: data.numbers, plots: data.plots, times: data.times,
+      end: data.end, ended: data.ended, view: data.view };
     draw();
   };
   worker.onerror = (error) => { $id("fault").textContent = error.message; };
@@ -364,5 +464,5 @@
     if (plot && place.clientWidth && place.clientWidth !== plot.width) plot.setSize({ width: place.clientWidth, height: 270 });
   })).observe(document.querySelector("main"));
   worker.postMessage({ told: { ...told, wasm: null }, wasm: bytes(told.wasm) });
-  window.desat = { get shown() { return shown; }, get asked() { return asked; }, get charts() { return charts.map((c) => c.plot); }, command };
+  window.desat = { get shown() { return shown; }, get asked() { return asked; }, get charts() { return charts.map((c) => c.plot); }, command, scene };
 })();
