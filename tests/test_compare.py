@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
 from desat.begin import craft as new_craft
@@ -11,6 +12,7 @@ from desat.begin.facts import CraftFacts
 from desat.campaign import pairs
 from desat.campaign.draws import draws
 from desat.campaign.pairs import differences, each_draw
+from desat.figures.plots import series_figure
 from desat.figures.style import COLOURS
 from desat.files import paths
 from desat.numbers.text import Value
@@ -334,3 +336,46 @@ def test_wrong_choices_are_refused_in_a_line(desat, craft, values, line):
     assert outcome.returncode == Exit.INPUT
     assert line in outcome.stderr
     assert "Traceback" not in outcome.stderr
+
+
+def test_two_runs_end_with_a_sentence_that_says_what_differs(desat, craft):
+    """A parameter, a law, a step; equal runs; and nothing for three."""
+
+    def sentence(*arguments):
+        done = desat("compare", *arguments, "--stop", "600", "--json", cwd=craft)
+        return json.loads(done.stdout)["difference"]
+
+    text = sentence("mine", "mine/slow.toml")
+    assert text.startswith("mine and mine-slow differ in manager.")
+    assert "manager.gain (0.001107 and 2.000e-04 1/s)" in text
+    assert "manager.null_gain (0.001107 and 0 1/s)" in text
+    (craft / "mine" / "same.toml").write_text('extends = "nominal"\n')
+    text = sentence("mine", "mine/same.toml")
+    assert "are alike" in text
+    assert text.endswith("no number of a requirement differs by 1 %.")
+    (craft / "mine" / "other.toml").write_text(
+        'extends = "nominal"\nsources.manager = "manager_b_dot"\n'
+        "parameters.manager.gain = 0.002\n"
+    )
+    assert "manager (manager_cross_product and manager_b_dot)" in sentence(
+        "mine", "mine/other.toml"
+    )
+    assert sentence("mine", "mine/slow.toml", "mine/same.toml") == ""
+
+
+def test_more_than_two_runs_have_a_line_and_a_dash_each(craft):
+    targets = [str(craft / "mine" / f"{n}.toml") for n in ("nominal", "slow", "worst")]
+    comparison = compare.side_by_side(targets, Options(stop=60.0))
+    plot = comparison.runs[0].manifest.content.plots["momentum"]
+    runs = [
+        (str(k), r.results, r.manifest.parameters)
+        for k, r in enumerate(comparison.runs)
+    ]
+    (ax,) = series_figure(plot, runs).axes
+    lines = [m for m in ax.marks if m.label in "012" and m.label]
+    assert [m.label for m in lines] == ["0", "1", "2"]
+    assert len({(m.colour, m.dash) for m in lines}) == 3
+    assert len({m.dash for m in lines}) == 3
+    assert ax.y.label.startswith("largest")
+    h = comparison.runs[1].results.values("wheels.h_wheel")
+    assert lines[1].y == pytest.approx(1e3 * np.abs(h).max(axis=1), rel=1e-12)

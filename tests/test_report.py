@@ -21,6 +21,7 @@ from lxml import html
 from typer.testing import CliRunner
 
 from desat import cli
+from desat.campaign import report as campaign_report
 from desat.campaign import store
 from desat.figures import interactive
 from desat.figures.canvas import Figure, Ticks
@@ -326,6 +327,19 @@ def campaign(tmp_path_factory):
     )
     assert done.exit_code == 1, done.output  # nothing is dumped in 20 s
     return folder
+
+
+def test_a_limit_far_from_a_distribution_is_named_and_not_drawn():
+    """Drawn it would squeeze the bars to a line."""
+    edges = np.array([1.0, 2.0, 3.0])
+    near = {x: campaign_report._is_near(x, edges) for x in (-4.0, -2.0, 2.5, 6.0, 80.0)}
+    assert near == {-4.0: False, -2.0: True, 2.5: True, 6.0: True, 80.0: False}
+    assert (
+        campaign_report._short("Coil duty: mean dipole of the coils (%)") == "Coil duty"
+    )
+    assert campaign_report._short("Largest wheel momentum (share)") == (
+        "Largest wheel momentum"
+    )
 
 
 def test_histograms_name_the_cases_of_each_bar(campaign):

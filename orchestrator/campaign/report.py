@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import warnings
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -390,7 +391,7 @@ def write(folder: Path) -> tuple[Path, CampaignSummary]:
         "campaign.html",
         told=entry,
         plan=plan,
-        title=f"Campaign of {found.target}",
+        title=f"{_name_of(plan, found)}: campaign of {found.count} cases",
         **figures_of([(f.caption, f.figure) for f in drawn]),
         commands=[f.commands for f in drawn],
         small=(small := _histograms(folder, found)),
@@ -409,6 +410,15 @@ def write(folder: Path) -> tuple[Path, CampaignSummary]:
         kept=sorted(p.name for p in (folder / "kept").glob("*")),
     )
     return write_page(folder / "report.html", text), found
+
+
+def _name_of(plan: CampaignPlan, found: CampaignSummary) -> str:
+    """Return the title of a campaign's scenario; its name where that is gone."""
+    try:
+        title = content_of(system(plan).about).title
+    except DesatError:
+        title = ""
+    return title or Path(found.target).name.removesuffix(".toml")
 
 
 class _Figure(NamedTuple):
@@ -433,7 +443,7 @@ def _figures(folder: Path, plan: CampaignPlan, found: CampaignSummary) -> list[_
         y = flat(table[f"out.{driver.number}"])[good]
         spread = found.numbers[driver.number]
         caption = f"{spread.title} over {driver.input}, rank correlation {driver.correlation:.2f}"
-        label = axis_label(spread.title or "", spread.unit or "", 2.4)
+        label = axis_label(_short(spread.title or ""), spread.unit or "", 2.4)
         unit = described.get(f"in.{driver.input.partition('[')[0]}", {}).get("unit", "")
         below = axis_label(_of_input(plan, driver.input), unit, 6.0)
         figures.append(
@@ -491,14 +501,17 @@ def _histograms(folder: Path, found: CampaignSummary) -> list[_Small]:
             values, min(_BARS, max(8, int(np.sqrt(len(values)))))
         )
         unit = spread.unit or ""
-        fig, ax = histogram(name, unit, count, edges, [value for _, value in lines])
+        near = [value for _, value in lines if _is_near(value, edges)]
+        fig, ax = histogram(_short(spread.title or name), unit, count, edges, near)
         bar = np.clip(np.searchsorted(edges, values, "right") - 1, 0, len(count) - 1)
         figures.append(
             _Small(
                 spread.title or "",
                 Markup(fig.svg()),
                 "; ".join(
-                    f"{label} {shown(x)} {spell_unit(unit)}" for label, x in lines
+                    f"{label} {shown(x)} {spell_unit(unit)}"
+                    + ("" if _is_near(x, edges) else " (beyond the figure)")
+                    for label, x in lines
                 ),
                 [round(float(x), 4) for x in ax.across(edges) / (INCH * fig.width)],
                 count.tolist(),
@@ -506,6 +519,17 @@ def _histograms(folder: Path, found: CampaignSummary) -> list[_Small]:
             )
         )
     return figures
+
+
+def _short(title: str) -> str:
+    """Return a title without what it says in brackets or after a colon or comma."""
+    return re.split(r" \(|[:,;]", title)[0]
+
+
+def _is_near(limit: float, edges: Array) -> bool:
+    """Return whether a limit has room beside a distribution without squeezing it."""
+    span = float(edges[-1] - edges[0])
+    return bool(edges[0] - 2.0 * span <= limit <= edges[-1] + 2.0 * span)
 
 
 def _limits(plan: CampaignPlan, plot: Plot, unit: str) -> list[tuple[str, float]]:
@@ -545,7 +569,7 @@ def _curves(folder: Path, plan: CampaignPlan) -> list[_Figure]:
         ]
         plot = plots[name]
         unit = descriptions.get(f"curve.{name}", {}).get("unit", "")
-        title = f"{plot.axis or plot.title}, largest size"
+        title = "largest size"
         caption = (
             f"{plot.title}: largest size of any line in each of {POINTS} parts of the run, "
             f"percentiles over {len(rows)} cases"

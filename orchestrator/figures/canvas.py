@@ -215,6 +215,16 @@ class Axes:
         """
         return _Scale(self.x, self.x_range(), self.left, self.width)(values)
 
+    def make_room(self) -> None:
+        """Move the left edge so far that labels and title of the y axis stand apart."""
+        texts = self._of_y(self.y_range()).labels
+        rows = len(self.y.label.split("\n")) if self.y.label else 0
+        longest = max(map(len, texts), default=0)
+        needed = 110 + LETTER * self.size * longest + 1.2 * self.size * rows
+        if needed > self.left:
+            self.width -= needed - self.left
+            self.left = needed
+
     # --- layout -----------------------------------------------------------------------
 
     def shapes(self, column: float = COLUMN) -> Iterator[Drawn]:

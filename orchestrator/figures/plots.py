@@ -48,18 +48,29 @@ class Line(NamedTuple):
 FAR = 10.0  # a limit beyond this factor of the drawn range is only named
 _FIRST: dict[str, Any] = {"width": 1.4}
 _OTHER: dict[str, Any] = {"width": 1.0, "dash": (4.0, 2.0), "alpha": 0.75}
+# dashes of more than two runs, in turn, so that they can be told apart without colours
+_DASHES: tuple[tuple[float, ...], ...] = (
+    (),
+    (6.0, 2.0),
+    (2.0, 2.0),
+    (7.0, 2.0, 1.5, 2.0),
+    (1.0, 1.6),
+)
 
 
 def series_figure(plot: Plot, runs: Sequence[Run]) -> Figure | None:
     """Draw a scenario's `[plots.NAME]` over runs; None if nothing is recorded.
 
     Of two runs the first is drawn in colours and the other dashed; of more, each run
-    has a colour.
+    has a colour and a dash, and one line: the largest size of its elements.
     """
     _, results, parameters = runs[0]
     if (unit := unit_of(plot, results)) is None:
         return None
     drawn = [lines_of(plot, r, unit) for _, r, _ in runs]
+    is_largest = len(runs) > 2 and any(len(lines) > 1 for lines in drawn)
+    if is_largest:
+        drawn = [_largest(lines) for lines in drawn]
     limits = limits_of(plot.limits, parameters, unit)
     # limits of a magnitude apply on the positive side only
     signed = any(
@@ -84,12 +95,23 @@ def series_figure(plot: Plot, runs: Sequence[Run]) -> Figure | None:
         )
         ax.y.log = plot.log and is_whole_run
         _draw_limits(ax, limits, signed, is_whole_run)
-        ax.y.label = axis_label(plot.axis or plot.title, unit, ax.height / INCH)
+        quantity = f"largest {plot.axis or plot.title}" if is_largest else plot.axis
+        ax.y.label = axis_label(quantity or plot.title, unit, ax.height / INCH)
         timeline(ax, seconds, time_unit, results if is_whole_run else None)
         if begin is not None:
             ax.title = f"from {begin / seconds:g} {time_unit} on"
             ax.x.low, ax.x.high = begin / seconds, results.times()[-1] / seconds
     return fig
+
+
+def _largest(lines: list[Line]) -> list[Line]:
+    """Return one line with the largest size of these at each time."""
+    if len(lines) < 2:
+        return lines
+    first = lines[0]
+    alike = [x for x in lines if len(x.times) == len(first.times)]
+    values = np.abs([x.values for x in alike]).max(axis=0)
+    return [first._replace(name="", values=values)]
 
 
 def of_name(name: str | None, plots: Mapping[str, Plot], runs: Sequence[Run]) -> Figure:
@@ -170,6 +192,9 @@ def _draw(
     line that is faster than the width of the plot can show.
     """
     for number, lines in enumerate(runs):
+        look = _OTHER if number and len(runs) == 2 else _FIRST
+        if len(runs) > 2:
+            look = {"width": 1.2, "dash": _DASHES[number % len(_DASHES)]}
         for i, line in enumerate(lines):
             name = line.name if number == 0 else ""
             if labels and len(runs) > 2:
@@ -203,7 +228,7 @@ def _draw(
                 label=name,
                 stepped=line.stepped,
                 name=owners,
-                **(_OTHER if number and len(runs) == 2 else _FIRST),
+                **look,
             )
 
 
@@ -430,4 +455,5 @@ def scattered(
     if diagonal:
         top = max(float(np.nanmax(v)) for pair in drawn.values() for v in pair)
         ax.plot([0, top], [0, top], "#888888", width=0.9, dash=DOTTED, label=diagonal)
+    ax.make_room()
     return fig

@@ -18,7 +18,8 @@ than in the flights, these are repeated from the state recorded there. If they n
 substeps, the run is repeated from its start.
 
 An accuracy from `LOOSE` on takes shorter ways. One substep is chosen by a short flight
-with one and two, where its error is far below the accuracy. A run that leaves the range
+with one and two, where its error is far below the accuracy, or by a longer one, where
+it is below the accuracy. A run that leaves the range
 of its flights has its estimate raised in proportion, as long as that stays below the
 accuracy. The fastest passage of each wheel through zero is flown again, as friction
 makes an error of the first power there. If no count suffices, the run is made with
@@ -71,6 +72,9 @@ FAR, FARTHEST = 4, 2 * LEVELS[-1]
 LEAST_FAR = 16  # lower limit of the substeps of the flight that confirms a count
 FREE, LONGEST = 120_000, 6_000  # limits of the substeps, and of the steps, of a flight
 QUICK = 4_000  # limit of the steps of the first flights, with one and two substeps
+# Limit of the steps of the next flights with one and two substeps, where the error of the
+# first is small and only its trend is not.
+LONGER = 24_000
 LOOSE = 1e-6  # rad: accuracy from which short flights and raised estimates suffice
 # With such an accuracy: largest count, and the count where none is accurate enough, as
 # of a craft that loses its attitude. The run then states the error.
@@ -81,9 +85,9 @@ CARRIED = 2.0  # factor on an estimate that is extrapolated beyond its flight
 BY_TREND = 2.0  # factor on an estimate that is extrapolated by its trend
 ROUGH = 1.5  # estimate over difference, where one of two flights is much finer
 GAIN = 1.2  # a run leaves the range of its flights beyond this factor
-FAR_BELOW = 0.1  # An estimate below this share of the accuracy needs no confirmation.
+FAR_BELOW = 0.15  # An estimate below this share of the accuracy needs no confirmation.
 # Factor on such an estimate: with it the error may fall with the first power.
-UNCONFIRMED = 1.5
+UNCONFIRMED = 2.25
 SAMPLES = 4  # cases from which the substeps of many cases are chosen
 AGAIN = 3  # largest number of times that a run is made
 STEEPEST = 3.0  # largest power of time for the extrapolation of an estimate
@@ -135,6 +139,10 @@ def _choice_of(
     if system.accuracy >= LOOSE:
         flights = _Flights(system, options, 1, QUICK, for_others)
         quick = flights.choice_of_first(FAR_BELOW * system.accuracy)
+        if quick is None and flights.first_error <= system.accuracy:
+            # a trend over a short flight may be a passage of a wheel through zero
+            longer = _Flights(system, options, 1, LONGER, for_others)
+            quick = longer.choice_of_first(system.accuracy)
     return quick or _Flights(system, options, 1, LONGEST, for_others).choice(target)
 
 
@@ -517,6 +525,8 @@ class _Flights:
         self._series: list[str] = parts.series
         self._body: Body = body
         self._longest_error: Array | None = None
+        # estimated error (rad) of the first count within its flight
+        self.first_error = inf
         self._steps = 0
 
     def choice_of_first(self, limit: float) -> SubstepChoice | None:
@@ -528,6 +538,7 @@ class _Flights:
         coarse = self.fly(n)
         estimate, error = self._estimate(coarse, self.fly(2 * n))
         estimate *= UNCONFIRMED
+        self.first_error = UNCONFIRMED * FACTOR * float(error[-1])
         if estimate > limit:
             return None
         return self._chosen(n, {n: estimate}, coarse, len(error), began)

@@ -11,11 +11,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from ..analyses.manifest import Manifest
 from ..campaign.draws import Draws, draws
 from ..campaign.pairs import Pairs, common, difference, differences
 from ..campaign.plan import PLAN
 from ..engine.recording.results import MANIFEST
 from ..figures.plots import series_figure
+from ..numbers.text import number, spell_unit
 from ..report.report import figures_of, render, write_page
 from ..report.table import ROW_UNIT, Column, Row, Table, or_not_reached
 from ..runs.prepare import prepare, read
@@ -125,6 +129,7 @@ class Comparison:
         return {
             "targets": list(self.targets),
             "warnings": list(self.warnings),
+            "difference": difference_text(self),
             "not_met": {
                 t: list(r.manifest.not_met)
                 for t, r in zip(self.targets, self.runs, strict=True)
@@ -214,6 +219,98 @@ def of_runs(
     return Comparison(tuple(targets), tuple(runs), rows_of(runs), (*warnings, *uneven))
 
 
+MENTIONED = 3  # values and numbers that the sentence of a comparison names
+WORTH = 0.01  # relative difference from which it names a number
+
+
+def difference_text(comparison: Comparison) -> str:
+    """Return a sentence that says what differs between two runs, and what follows.
+
+    It names parameters, components and settings that differ, then those numbers of
+    requirements that differ by `WORTH` or more. "" for more than two runs.
+    """
+    if len(comparison.runs) != 2:
+        return ""
+    causes = _causes(*(run.manifest for run in comparison.runs))
+    judged = {
+        v.number for run in comparison.runs for v in run.manifest.verdicts.values()
+    }
+    effects = []
+    for name, row in comparison.rows.items():
+        first, second = row.values
+        if name not in judged or not all(row.there):
+            continue
+        if first is None or second is None:
+            if first is not second:
+                effects.append((np.inf, row))
+            continue
+        size = max(abs(first), abs(second))
+        if size > 0.0 and abs(first - second) >= WORTH * size:
+            effects.append((abs(first - second) / size, row))
+    effects.sort(key=lambda e: -e[0])
+    names = " and ".join(comparison.names)
+    text = f"{names} differ in {_listed(causes)}" if causes else f"{names} are alike"
+    if not judged:
+        return f"{text}."
+    if not effects:
+        return f"{text}; no number of a requirement differs by {100.0 * WORTH:g} %."
+    return f"{text}; with that, {_listed([_effect(row) for _, row in effects])}."
+
+
+def _causes(first: Manifest, second: Manifest) -> list[str]:
+    """Return what differs in the inputs of two runs, a text each."""
+    found = [
+        f"{name} ({a} and {b})"
+        for name, a, b in (
+            ("algorithm", first.algorithm, second.algorithm),
+            ("step", f"{first.step:g} s", f"{second.step:g} s"),
+            ("substeps", first.substeps, second.substeps),
+            ("stop", f"{first.stop:g} s", f"{second.stop:g} s"),
+        )
+        if a != b
+    ]
+    sources = [
+        {name: Path(fmu["source"]).stem for name, fmu in m.fmus.items()}
+        for m in (first, second)
+    ]
+    for name in dict.fromkeys([*sources[0], *sources[1]]):
+        a, b = (of.get(name, "absent") for of in sources)
+        if a != b:
+            found.append(f"{name} ({a} and {b})")
+    for name, table in first.parameters.items():
+        others = second.parameters.get(name, {})
+        for key, parameter in table.items():
+            if key in others and others[key].value != parameter.value:
+                a, b = (_value_text(x.value) for x in (parameter, others[key]))
+                unit = "" if parameter.unit == "1" else f" {spell_unit(parameter.unit)}"
+                found.append(f"{name}.{key} ({a} and {b}{unit})")
+    return found
+
+
+def _value_text(value: Any) -> str:
+    """Return a parameter's value; of an array its elements that differ from 0."""
+    if not isinstance(value, list):
+        return number(value) if isinstance(value, float) else str(value)
+    if len(value) > 4:
+        return f"{len(value)} values"
+    return "[" + ", ".join(number(x) for x in value) + "]"
+
+
+def _effect(row: ComparedNumber) -> str:
+    """Return the two values of a number."""
+    values = ["not reached" if x is None else f"{number(x)}" for x in row.values]
+    unit = f" {spell_unit(row.unit)}".rstrip()
+    return f"{row.title}: {values[0]} and {values[1]}{unit}"
+
+
+def _listed(texts: Sequence[str]) -> str:
+    """Join the first `MENTIONED` texts, and count the others."""
+    shown = list(texts[:MENTIONED])
+    if more := len(texts) - len(shown):
+        shown.append(f"{more} more")
+    return ", ".join(shown[:-1]) + " and " + shown[-1] if len(shown) > 1 else shown[0]
+
+
 def rows_of(runs: Sequence[Run]) -> dict[str, ComparedNumber]:
     """Collect the numbers of runs, by name.
 
@@ -258,6 +355,7 @@ def write(comparison: Comparison, path: Path, **more: Any) -> Path:
             made=comparison,
             pairs=pairs,
             **figures_of(drawn),
+            difference=difference_text(comparison),
             **{"choice": None, "pareto": (), **more},
         ),
     )

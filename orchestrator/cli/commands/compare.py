@@ -204,11 +204,15 @@ def _draws(
 
 def _show(comparison: Comparison, page: Path, as_json: bool) -> None:
     """Print a comparison; exit with 1 where a requirement is not met."""
+    from ...studies.compare import difference_text
+
     warn(comparison.warnings)
     if as_json:
         print_json({**comparison.as_json(), "page": str(page)})
     else:
         print_table(comparison.table)
+        if text := difference_text(comparison):
+            out.print(text, highlight=False, markup=False)
         out.print(f"page: {page.resolve()}")
     unmet = [
         (t, line)
