@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -353,14 +354,24 @@ def test_two_runs_end_with_a_sentence_that_says_what_differs(desat, craft):
     text = sentence("mine", "mine/same.toml")
     assert "are alike" in text
     assert text.endswith("no number of a requirement differs by 1 %.")
-    (craft / "mine" / "other.toml").write_text(
-        'extends = "nominal"\nsources.manager = "manager_b_dot"\n'
-        "parameters.manager.gain = 0.002\n"
-    )
-    assert "manager (manager_cross_product and manager_b_dot)" in sentence(
-        "mine", "mine/other.toml"
-    )
     assert sentence("mine", "mine/slow.toml", "mine/same.toml") == ""
+
+
+def test_other_blocks_and_settings_are_among_what_differs(craft):
+    target = str(craft / "mine" / "nominal.toml")
+    run = compare.side_by_side([target, target], Options(stop=60.0)).runs[0]
+    fmus = {
+        **run.manifest.fmus,
+        "manager": {"source": "resources/manager_b_dot.fmu", "sha256": ""},
+        "extra": {"source": "gain.fmu", "sha256": ""},
+    }
+    other = replace(run.manifest, fmus=fmus, step=2.0, substeps=4)
+    assert compare._causes(run.manifest, other) == [
+        "step (1 s and 2 s)",
+        "substeps (1 and 4)",
+        "manager (manager_cross_product and manager_b_dot)",
+        "extra (absent and gain)",
+    ]
 
 
 def test_more_than_two_runs_have_a_line_and_a_dash_each(craft):
