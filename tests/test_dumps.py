@@ -17,7 +17,7 @@ from desat.components.contract.block import BlockError
 from desat.engine import loop
 from desat.numbers.measures import growth_between
 from desat.runs.prepare import prepare
-from desat.sizing import dumps
+from desat.sizing import dumps, page
 from desat.sizing.requirements import SizingRequirements
 from desat.system.errors import DesatError
 from desat.system.options import Options
@@ -148,10 +148,14 @@ def geo(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(folder)
 
 
-def test_the_geo_of_the_notes_is_sized_from_one_line(geo):
+@pytest.fixture(scope="module")
+def sizing(geo) -> dumps.DumpSizing:
+    return dumps.size(geo, Options(), SizingRequirements(flown=False))
+
+
+def test_the_geo_of_the_notes_is_sized_from_one_line(sizing):
     """76.9 uN m on 20 March 2027, 71.4 (12 June) to 80.3 (19 February) over the year, 0.918 dumps a
     week, 1.038 kg a year flown and 0.749 at least, by hand-made files and other code."""
-    sizing = dumps.size(geo, Options(), SizingRequirements(flown=False))
     assert np.linalg.norm(sizing.secular) == pytest.approx(76.9e-6, rel=0.005)
     least, most = (pick(sizing.year, key=lambda d: d.secular) for pick in (min, max))
     assert (least.day, most.day) == ("2027-06-12", "2028-02-19")
@@ -161,6 +165,35 @@ def test_the_geo_of_the_notes_is_sized_from_one_line(geo):
     assert sizing.a_year == pytest.approx(1.038, rel=0.05)
     assert sizing.least_a_year == pytest.approx(0.749, rel=0.02)
     assert sizing.problems == ()
+
+
+def test_the_pictures_of_a_sizing_are_of_its_numbers(sizing, tmp_path):
+    """The course goes from threshold to threshold; at the craft's own threshold the
+    curve has the rate of a day that lasts; a higher one dumps less often."""
+    times, fill, begun = sizing.course
+    assert len(begun) >= 2
+    assert fill.max() == pytest.approx(sizing.begin, rel=0.02)
+    rows = np.searchsorted(times, begun)
+    assert (fill[rows] >= sizing.begin * (1.0 - 1e-9)).all()
+    after = fill[(rows + 1).clip(max=len(fill) - 1)]
+    assert (after[:-1] < 0.3 * sizing.begin).all()
+    assert begun[0] == pytest.approx(sizing.steady.first, rel=1e-9)
+    rates = [t.a_week for t in sizing.thresholds]
+    assert rates == sorted(rates, reverse=True)
+    (own,) = [t for t in sizing.thresholds if t.begin == pytest.approx(sizing.begin)]
+    assert own.a_week == pytest.approx(sizing.steady.a_week, rel=0.1)
+    document = sizing.as_json()
+    assert "course" not in document
+    assert [t["begin"] for t in document["thresholds"]] == [
+        t.begin for t in sizing.thresholds
+    ]
+    text = page.write_dumps(sizing, tmp_path / "size.html").read_text()
+    for caption in (
+        "Momentum of the wheels, dump after dump",
+        "Propellant a year over the momentum at which dumps begin",
+        "Dumps a week over the momentum at which they begin",
+    ):
+        assert caption in text
 
 
 def test_the_model_is_within_5_percent_of_the_closed_loop(tmp_path):

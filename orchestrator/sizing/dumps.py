@@ -100,6 +100,9 @@ COARSE, MOST_ROWS = 1200.0, 70_000
 MOST_SAMPLES = 10_000  # samples of a dump
 BETWEEN = 200  # minimum number of rows between two dumps
 WEEK = 7.0 * 86400.0
+# Thresholds, as shares of a wheel's capacity, for which dumps are sized beside the
+# craft's own.
+SHARES = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 CHEAPEST_OF, CHEAPEST_AT = (
     10,
     180,
@@ -145,6 +148,22 @@ class Rates:
         )
 
 
+class Threshold(NamedTuple):
+    """Dumps that begin at another fill than the craft's: N m s, dumps a week, kg a year."""
+
+    begin: float
+    a_week: float
+    a_year: float
+
+
+class Course(NamedTuple):
+    """Fill (n,) N m s of the wheels over times (n,) s, and the times (s) of its dumps."""
+
+    times: Array
+    fill: Array
+    dumps: Array
+
+
 @dataclass(frozen=True, repr=False)
 class DumpSizing:
     """Requirements of a craft that dumps by thrusters, beside its hardware."""
@@ -177,6 +196,9 @@ class DumpSizing:
     loop: Mapping[str, float | None]
     problems: tuple[str, ...]
     notes: tuple[str, ...]
+    thresholds: tuple[Threshold, ...] = ()
+    # through the dumps of the scenario's time; None: they are too many, or too late
+    course: Course | None = None
 
     def __repr__(self) -> str:
         return f"<DumpSizing {self.answer}>"
@@ -194,7 +216,9 @@ class DumpSizing:
             "a_week": self.steady.a_week,
             "a_year": self.steady.a_year,
         }
-        document = {k: finite(x) for k, x in asdict(self).items()}
+        bare = replace(self, course=None)
+        document = {k: finite(x) for k, x in asdict(bare).items() if k != "course"}
+        document["thresholds"] = [finite(x._asdict()) for x in self.thresholds]
         return document | {
             "steady": finite(steady),
             "years": finite(self.years),
@@ -292,6 +316,11 @@ def size(
         along = rates_of(closed_loop, hardware, law, cost, isp, steady.interval)
         # fewer than two dumps give no rate
         steady = along if along.interval < inf else replace(steady, first=along.first)
+    course = None
+    if closed_loop is not None and steady.first < window:
+        course = _course_of_fill(closed_loop, hardware, law)
+    progress("other thresholds")
+    thresholds = tuple(_rates_by_threshold(flight, hardware, law, cost, isp))
     year: list[YearDate] = []
     each: list[Rates] = []
     if requirements.year and float(np.linalg.norm(flight.r[0])) < BEYOND:
@@ -336,6 +365,8 @@ def size(
         loop={},
         problems=(),
         notes=(),
+        thresholds=thresholds,
+        course=course,
     )
     notes = [*doubts(system), *closed_loop_only(system, options)]
     sizing = replace(
@@ -637,6 +668,47 @@ def rates_of(
         min(weekly, default=0.0),
         max(weekly, default=0.0),
     )
+
+
+def _rates_by_threshold(
+    flight: Flight,
+    hardware: Hardware,
+    law: ThresholdLaw,
+    cost: Callable[[Array], float],
+    isp: float,
+) -> Iterator[Threshold]:
+    """Yield the rates of dumps that begin at other shares of a wheel's capacity."""
+    capacity = smallest_wheel_capacity(hardware)
+    if not 0.0 < capacity < inf:
+        return
+    own = law.begin / capacity
+    for share in sorted({*SHARES, round(own, 6)} if own < 1.0 else SHARES):
+        begin = share * capacity
+        if begin <= 1.05 * law.end:
+            continue
+        rates = rates_of(flight, hardware, law._replace(begin=begin), cost, isp)
+        yield Threshold(begin, rates.a_week, rates.a_year)
+
+
+def _course_of_fill(flight: Flight, hardware: Hardware, law: ThresholdLaw) -> Course:
+    """Compute the fill of the wheels along a flight through all its dumps."""
+    dumps = list(_course(flight, hardware, law, 1.0, 0, False, 10 * MANY))
+    times = flight.times - flight.times[0]
+    begun = np.array([t for t, _, _ in dumps])
+    total = rotate_back(flight.q[:1], flight.body[:1])[0]
+    removed = np.zeros((len(dumps) + 1, 3))
+    if dumps:
+        removed[1:] = np.cumsum([u for _, _, u in dumps], axis=0)
+    count = np.searchsorted(begun, times, side="left")
+    gained = flight.disturbance - flight.disturbance[0]
+    held = rotate(flight.q, total + gained - removed[count])
+    held = held - flight.body - law.target
+    fill = (
+        np.abs(held @ hardware.spread().T).max(axis=1)
+        if law.of_wheels
+        else np.linalg.norm(held, axis=1)
+    )
+    return Course(times, fill, begun)
 
 
 def _cheapest(flight: Flight, momentum: Array, cost: Callable[[Array], float]) -> float:

@@ -11,7 +11,15 @@ from typing import Any
 import numpy as np
 
 from ..figures.canvas import Figure, Ticks
-from ..figures.style import COLOURS, DASHED, DOTTED, LIMIT, figure
+from ..figures.style import (
+    COLOURS,
+    DASHED,
+    DOTTED,
+    LIMIT,
+    axis_label,
+    figure,
+    time_axis,
+)
 from ..report.report import figures_of, render, write_page
 from ..report.table import Table
 from . import tables
@@ -63,6 +71,16 @@ def write_dumps(sizing: DumpSizing, path: Path) -> Path:
         If it cannot be written.
     """
     drawn = []
+    if sizing.course is not None and len(sizing.course.dumps):
+        caption = "Momentum of the wheels, dump after dump: the sized course"
+        drawn.append((caption, _dump_course(sizing)))
+    if len(sizing.thresholds) > 1:
+        caption = "Propellant a year over the momentum at which dumps begin"
+        drawn.append(
+            (caption, _thresholds(sizing, "a_year", "propellant\n[kg a year]"))
+        )
+        caption = "Dumps a week over the momentum at which they begin"
+        drawn.append((caption, _thresholds(sizing, "a_week", "dumps a week")))
     shown = [tables.tabulate_dump_sources(sizing.sources)]
     if sizing.year:
         drawn.append(("A year: propellant, as if each day lasted", _dump_year(sizing)))
@@ -274,6 +292,60 @@ def _dump_year(sizing: DumpSizing) -> Figure:
         "propellant\n[kg a year]",
         0.0,
     )
+    return fig
+
+
+def _dump_course(sizing: DumpSizing) -> Figure:
+    """Draw the fill of the wheels (N m s) with its thresholds and the capacity."""
+    assert sizing.course is not None
+    times, fill, dumps = sizing.course
+    fig, ax = figure()
+    span, unit = (86400.0, "d") if times[-1] > 2.0 * 86400.0 else time_axis(times)
+    factor, of = (1e3, "mN.m.s") if sizing.capacity < 1.0 else (1.0, "N.m.s")
+    ax.plot(times / span, factor * fill, COLOURS[0], width=1.2, label="momentum")
+    begun = fill[np.searchsorted(times, dumps).clip(max=len(times) - 1)]
+    ax.plot(
+        dumps / span,
+        factor * begun,
+        COLOURS[1],
+        width=0.0,
+        marker=4.0,
+        label=f"{len(dumps)} dumps begin",
+    )
+    for value, name in ((sizing.begin, "dumps begin"), (sizing.end, "dumps end")):
+        ax.level(factor * value, "#444444", width=1.0, dash=DOTTED, label=name)
+    if sizing.capacity < 10.0 * sizing.begin:
+        ax.level(
+            factor * sizing.capacity,
+            LIMIT,
+            width=1.2,
+            dash=DASHED,
+            label="capacity of a wheel",
+        )
+    ax.x.label, ax.x.seconds, ax.x.margin = f"time [{unit}]", span, 0.01
+    ax.y.label, ax.y.low = axis_label("momentum", of, 2.0), 0.0
+    return fig
+
+
+def _thresholds(sizing: DumpSizing, key: str, label: str) -> Figure:
+    """Draw a rate of dumps over the momentum (N m s) at which they begin."""
+    fig, ax = figure(2.4)
+    factor, unit = (1e3, "mN.m.s") if sizing.capacity < 1.0 else (1.0, "N.m.s")
+    begin = [factor * t.begin for t in sizing.thresholds]
+    values = [getattr(t, key) for t in sizing.thresholds]
+    ax.plot(begin, values, COLOURS[0], width=1.5, marker=4.0, label="a day that lasts")
+    ax.upright(
+        factor * sizing.begin, "#444444", width=1.2, dash=DOTTED, label="what it has"
+    )
+    ax.upright(
+        factor * sizing.capacity,
+        LIMIT,
+        width=1.2,
+        dash=DASHED,
+        label="capacity of a wheel",
+    )
+    ax.x.label = axis_label("momentum at which dumps begin", unit, 9.0)
+    ax.y.label, ax.y.low = label, 0.0
     return fig
 
 
