@@ -93,7 +93,7 @@ def test_run(desat, tmp_path):
         "baseline",
     }
     html = (tmp_path / "a" / "report.html").read_text()
-    assert html.count("<svg") == 7
+    assert html.count("<svg") == 9  # seven figures, the loop and the craft
     assert "src=" not in html.replace("src=x", "")
     assert "DCT, ILQR 1" in html
     assert "N m s" in html
@@ -801,3 +801,60 @@ def test_the_cost_of_a_process_of_its_own_is_said(desat, tmp_path):
         outcome,
     )
     assert "costs about" not in desat(*cases, cwd=tmp_path, check=True).stderr
+
+
+# --- help and what all commands take --------------------------------------------------
+
+
+@pytest.mark.parametrize("words", [["run"], ["campaign"], ["campaign", "run"]])
+def test_help_has_each_option_once_in_a_section_the_usual_ones_first(desat, words):
+    text = desat(*words, "--help", check=True).stdout
+    command = get_command(cli.app_for(words))
+    for word in [*words, *(["run"] if words == ["campaign"] else [])]:
+        command = command.commands[word]
+    places = {}
+    for param in command.params:
+        if param.param_type_name != "option":
+            continue
+        option = param.opts[0]
+        assert any(option in names for names in console.SECTIONS.values()), option
+        found = re.findall(rf"^  {re.escape(option)}[ ,]", text, re.MULTILINE)
+        assert len(found) == 1, option
+        places[option] = re.search(rf"^  {re.escape(option)}[ ,]", text, re.M).start()
+    heads = [text.index(f"\n{s}:") for s in console.SECTIONS if f"\n{s}:" in text]
+    assert heads == sorted(heads)
+    usual = [o for o in console.SECTIONS["Options"] if o in places]
+    assert max(places[o] for o in usual) < min(
+        x for o, x in places.items() if o not in usual
+    )
+
+
+def test_help_searches_its_topics(desat):
+    done = desat("help", "predictive", check=True)
+    assert done.stdout.splitlines()[1].startswith("blocks manager_predictive")
+    rows = desat("help", "dead", "coil", check=True).stdout
+    assert "manager_receding_horizon" in rows
+    assert desat("help", "own-block", check=True).stdout.startswith("# ")
+    refused = desat("help", "xyzzy")
+    assert refused.returncode == 2
+    assert "no such topic" in refused.stderr
+
+
+@pytest.mark.parametrize("place", ["before", "after", "short"])
+def test_quiet_prints_errors_and_what_json_asks_for(desat, tmp_path, place):
+    words = {
+        "before": ["--quiet", "run", NAME],
+        "after": ["run", NAME, "--quiet"],
+        "short": ["run", NAME, "-q"],
+    }[place]
+    silent = desat(*words, "--stop", "20", "--out", str(tmp_path / "a"), check=True)
+    assert silent.stdout == ""
+    as_json = desat(*words, "--stop", "20", "--out", str(tmp_path / "b"), "--json")
+    assert json.loads(as_json.stdout)["scenario"] == NAME
+    assert "no scenario nix" in desat("run", "nix", "--quiet").stderr
+    loud = desat("run", NAME, "--stop", "20", "--out", str(tmp_path / "c"), check=True)
+    assert "steps" in loud.stdout
+
+
+def test_the_version_by_its_short_name(desat):
+    assert desat("-V", check=True).stdout == desat("--version", check=True).stdout

@@ -180,8 +180,10 @@ def test_the_pictures_of_a_sizing_are_of_its_numbers(sizing, tmp_path):
     assert begun[0] == pytest.approx(sizing.steady.first, rel=1e-9)
     rates = [t.a_week for t in sizing.thresholds]
     assert rates == sorted(rates, reverse=True)
-    (own,) = [t for t in sizing.thresholds if t.begin == pytest.approx(sizing.begin)]
-    assert own.a_week == pytest.approx(sizing.steady.a_week, rel=0.1)
+    (at_begin,) = [
+        t for t in sizing.thresholds if t.begin == pytest.approx(sizing.begin)
+    ]
+    assert at_begin.a_week == pytest.approx(sizing.steady.a_week, rel=0.1)
     document = sizing.as_json()
     assert "course" not in document
     assert [t["begin"] for t in document["thresholds"]] == [

@@ -15,6 +15,7 @@ from typer.main import get_command
 
 from ..engine.process_state import THREADS, stop_signals
 from ..files.io import is_full
+from ..runs import progress
 from ..system import discovery
 from ..system.errors import DesatError, Exit, nearest
 from .console import app, err, out
@@ -37,11 +38,25 @@ def _desat(
     version: Annotated[
         bool,
         typer.Option(
-            "--version", help="Print the version.", callback=_version, is_eager=True
+            "--version",
+            "-V",
+            help="Print the version.",
+            callback=_version,
+            is_eager=True,
+        ),
+    ] = False,
+    quiet: Annotated[
+        bool,
+        typer.Option(
+            "--quiet",
+            "-q",
+            help="Print errors, warnings and what --json asks for alone; also after the "
+            "command.",
         ),
     ] = False,
 ) -> None:
-    pass
+    out.quiet = quiet
+    progress.quiet(quiet)
 
 
 def _terminate(number: int, frame: Any) -> NoReturn:
@@ -102,11 +117,12 @@ def main() -> None:
 def _code() -> int:
     """Run the command line and return its exit code."""
     try:
-        _refuse_empty(sys.argv[1:])
-        command = get_command(app_for(sys.argv[1:]))
+        words = _quiet_first(sys.argv[1:])
+        _refuse_empty(words)
+        command = get_command(app_for([w for w in words if w not in QUIET]))
         spare(command)
         # typer returns an Exit as a number
-        code = command(prog_name="desat", standalone_mode=False)
+        code = command(words, prog_name="desat", standalone_mode=False)
         sys.stdout.flush()
         return code if isinstance(code, int) else Exit.COMPLETED
     except DesatError as error:
@@ -133,6 +149,16 @@ def _code() -> int:
             f"internal: {type(error).__name__}: {error} (DESAT_TRACEBACK=1 shows where)"
         )
         return Exit.BUG
+
+
+QUIET = ("--quiet", "-q")
+
+
+def _quiet_first(words: list[str]) -> list[str]:
+    """Return the words with `--quiet` before the command, wherever it was typed."""
+    if not any(word in QUIET for word in words):
+        return words
+    return ["--quiet", *(word for word in words if word not in QUIET)]
 
 
 def _refuse_empty(words: Sequence[str]) -> None:

@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.measure import Measurement
 from rich.table import Table as RichTable
 from rich.text import Text
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from ..report.table import Column, Table
 from ..system.errors import Exit, plain
@@ -79,6 +79,64 @@ PANELS = {
 }
 
 
+# sections of the help of a command with many options; the first has the usual ones
+SECTIONS = {
+    "Options": ("-n", "--set", "--source", "--stop", "--out", "--json", "--help"),
+    "What is recorded and printed": (
+        *("--all", "--record", "--every", "--csv", "--html", "--baseline"),
+        *("--checkpoint", "--keep", "--by", "--curve"),
+    ),
+    "Time steps and accuracy": (
+        *("--step", "--substeps", "--accuracy", "--algorithm", "--output-class"),
+        *("--solve-loops", "--halve", "--design"),
+    ),
+    "Samples": ("--sampling", "--seed", "--accept-versions"),
+    "FMUs, processes and limits": (
+        *("--fmus", "--blocks", "--loop", "--isolate", "--trust", "--strict"),
+        *("--allow-outside", "--time-limit", "--call-limit", "--case-limit"),
+        *("--jobs", "--cluster"),
+    ),
+}
+
+
+def section_of(option: str) -> str:
+    """Return the section of an option; the first for one that no section names."""
+    return next((s for s, names in SECTIONS.items() if option in names), "Options")
+
+
+class Sections(TyperCommand):
+    """A command with many options, whose help has them in sections."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        for param in self.params:
+            section = section_of(param.opts[0])
+            if param.param_type_name == "option" and section != "Options":
+                param.rich_help_panel = section  # type: ignore[attr-defined]
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write arguments, then the options, a section after the other."""
+        rows: dict[str, list[tuple[str, str]]] = {"Arguments": []}
+        rows |= {section: [] for section in SECTIONS}
+        order = [name for names in SECTIONS.values() for name in names]
+
+        def place(param: Any) -> int:
+            """Return the place of an option in the help."""
+            name = param.opts[0]
+            return order.index(name) if name in order else len(order)
+
+        for param in sorted(self.get_params(ctx), key=place):
+            if (record := param.get_help_record(ctx)) is None:
+                continue
+            is_option = param.param_type_name == "option"
+            section = section_of(param.opts[0]) if is_option else "Arguments"
+            rows[section].append(record)
+        for section, records in rows.items():
+            if records:
+                with formatter.section(section):
+                    formatter.write_dl(records)
+
+
 class Panels(TyperGroup):
     """Commands in panels, on a terminal and where help is piped."""
 
@@ -125,6 +183,11 @@ class WithDefault(TyperGroup):
         if args and args[0] not in self.commands and args[0] not in ("--help", "-h"):
             args = ["run", *args]
         return super().parse_args(ctx, args)
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write the commands, then the options of `run`, which needs no name."""
+        super().format_options(ctx, formatter)
+        self.commands["run"].format_options(ctx, formatter)
 
 
 class _Plain(Console):

@@ -21,6 +21,7 @@ from xarray.core import indexing
 
 from ..analyses.manifest import Manifest
 from ..engine.recording.results import Results
+from ..system.interface import is_mean
 from .manifest import attributes
 
 COUNTED = ("wheel", "coil", "nozzle", "thruster")
@@ -101,11 +102,6 @@ def dims_of(name: str, shape: tuple[int, ...]) -> tuple[tuple[str, ...], Sequenc
     if variable.startswith("q_") and count == len("xyzw"):
         return ("quaternion",), list("xyzw")
     return (f"{name}.element",), range(1, count + 1)
-
-
-def is_mean(name: str) -> bool:
-    """Return whether a series holds means or slopes over each step."""
-    return "_mean_" in name or "_slope_" in name
 
 
 def _series(results: Results, name: str, length: int) -> tuple[Lazy, str]:

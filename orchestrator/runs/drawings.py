@@ -10,9 +10,13 @@ from ..analyses.manifest import Manifest
 from ..engine.recording.results import Results
 from ..figures.craft import Piece, pieces
 from ..figures.diagram import Part, Wire, diagram
-from ..system.interface import base_name, interface_of_block, role_classes
+from ..system.interface import (
+    base_name,
+    interface_of_block,
+    is_mean,
+    role_classes,
+)
 from ..system.model import System
-from .dataset import is_mean
 
 
 def loop_of_system(system: System, around: str | None = None) -> str:

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Iterator
 from pathlib import Path
+
+from desat.fmus.registry import block_class, names
 
 from ..files import paths
 from ..system.errors import DesatError, nearest
 
 FOLDERS = ("", "tutorials/", "understand/")  # folders of the pages for users
+WIDEST = 90  # letters of a line that a search shows
 
 
 def titles() -> dict[str, str]:
@@ -21,6 +26,36 @@ def text(name: str) -> str:
     if name not in known:
         raise DesatError(f"desat help {name}: no such topic{nearest(name, known)}")
     return known[name].read_text(encoding="utf-8")
+
+
+def found(words: str) -> list[dict[str, str]]:
+    """Search the topics for words that all occur in them.
+
+    Returns a row for each topic, those with a word in their name or title first: its
+    name, its title and the first line with a word.
+    """
+    terms = words.lower().split()
+    rows: list[tuple[bool, int, dict[str, str]]] = []
+    for name, title, body in _topics():
+        text_searched = f"{name} {title} {body}".lower()
+        if not all(word in text_searched for word in terms):
+            continue
+        is_titled = any(word in f"{name} {title}".lower() for word in terms)
+        lines = [x.strip() for x in body.splitlines()]
+        line = next((x for x in lines if any(w in x.lower() for w in terms)), "")
+        row = {"topic": name, "what it is": title, "first line": line[:WIDEST]}
+        rows.append((not is_titled, -sum(text_searched.count(w) for w in terms), row))
+    rows.sort(key=lambda r: r[:2])
+    return [row for _, _, row in rows]
+
+
+def _topics() -> Iterator[tuple[str, str, str]]:
+    """Yield name, title and text of each page and of each block."""
+    for name, path in _pages().items():
+        yield name, _title(path), path.read_text(encoding="utf-8")
+    for name in names():
+        text = inspect.getdoc(block_class(name)) or ""
+        yield f"blocks {name}", text.partition("\n")[0], text
 
 
 def _pages() -> dict[str, Path]:

@@ -14,6 +14,15 @@ from contextlib import contextmanager
 MINUTE = 60.0  # s, between lines where output is neither a terminal nor a notebook
 BLINK = 0.5  # s, between updates of a notebook's line
 
+_is_quiet = False  # whether no progress is shown (`--quiet`)
+
+
+def quiet(is_quiet: bool) -> None:
+    """Show no progress from now on, or show it again."""
+    global _is_quiet
+    _is_quiet = is_quiet
+
+
 # Function that takes the number of finished parts, and a further text.
 Tell = Callable[[int, str], None]
 
@@ -33,7 +42,7 @@ def progress(
 
     It yields the function to report progress with. `done` parts were made before.
     """
-    if not is_shown or not total:
+    if not is_shown or not total or _is_quiet:
         yield lambda count, text: None
     elif sys.stderr.isatty():
         with _bar(title, total, done) as tell:
@@ -59,6 +68,7 @@ def stages(is_shown: bool = True) -> Iterator[Callable[[str], None]]:
                 f"{text} ... ({now - began:.0f} s so far)", file=sys.stderr, flush=True
             )
 
+    is_shown = is_shown and not _is_quiet
     if not (is_shown and sys.stderr.isatty()):
         yield line
         return

@@ -310,15 +310,12 @@ def size(
     later = _later_flights(system, attitude, flight)
     steady = mean_of([rates_of(f, hardware, law, cost, isp) for f in (flight, *later)])
     window = _window(system, options, steady)
-    closed_loop = _through(system, attitude, flight, window, steady.interval)
-    if closed_loop is not None and steady.first < window:
-        progress("its dumps, one after the other")
-        along = rates_of(closed_loop, hardware, law, cost, isp, steady.interval)
-        # fewer than two dumps give no rate
-        steady = along if along.interval < inf else replace(steady, first=along.first)
+    whole_run = _through(system, attitude, flight, window, steady.interval)
     course = None
-    if closed_loop is not None and steady.first < window:
-        course = _course_of_fill(closed_loop, hardware, law)
+    if whole_run is not None and steady.first < window:
+        progress("its dumps, one after the other")
+        steady = _steady_along(whole_run, hardware, law, cost, isp, steady)
+        course = _course_of_fill(whole_run, hardware, law)
     progress("other thresholds")
     thresholds = tuple(_rates_by_threshold(flight, hardware, law, cost, isp))
     year: list[YearDate] = []
@@ -670,6 +667,22 @@ def rates_of(
     )
 
 
+def _steady_along(
+    flight: Flight,
+    hardware: Hardware,
+    law: ThresholdLaw,
+    cost: Callable[[Array], float],
+    isp: float,
+    steady: Rates,
+) -> Rates:
+    """Return the rates of dumps along a flight through them all.
+
+    `steady` are those of days that repeat; fewer than two dumps give no other rate.
+    """
+    along = rates_of(flight, hardware, law, cost, isp, steady.interval)
+    return along if along.interval < inf else replace(steady, first=along.first)
+
+
 def _rates_by_threshold(
     flight: Flight,
     hardware: Hardware,
@@ -681,8 +694,9 @@ def _rates_by_threshold(
     capacity = smallest_wheel_capacity(hardware)
     if not 0.0 < capacity < inf:
         return
-    own = law.begin / capacity
-    for share in sorted({*SHARES, round(own, 6)} if own < 1.0 else SHARES):
+    of_craft = law.begin / capacity
+    shares = {*SHARES, round(of_craft, 6)} if of_craft < 1.0 else SHARES
+    for share in sorted(shares):
         begin = share * capacity
         if begin <= 1.05 * law.end:
             continue

@@ -11,6 +11,7 @@ from ...system.errors import Exit
 from ...system.quantity import Quantity
 from .. import options as o
 from ..console import (
+    Sections,
     WithDefault,
     app,
     err,
@@ -45,7 +46,9 @@ Accept = Annotated[
 Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="A campaign's folder.")]
 
 
-@campaigns.command(epilog=example("desat campaign my12u -n 200 --stop 6h"))
+@campaigns.command(
+    cls=Sections, epilog=example("desat campaign my12u -n 200 --stop 6h")
+)
 def run(
     target: o.Target,
     count: Annotated[int, typer.Option("-n", "--count", help="Cases.", min=1)] = 1000,

@@ -11,7 +11,7 @@ import typer
 from ...report.table import Column, Table
 from ...system.errors import Exit, plain
 from .. import options as o
-from ..console import app, err, example, out, print_json, print_table
+from ..console import Sections, app, err, example, out, print_json, print_table
 
 if TYPE_CHECKING:
     from ...files.inspection import InspectedFmu
@@ -47,7 +47,7 @@ CheckedTarget = Annotated[
 ]
 
 
-@app.command(epilog=example("desat check my12u --schedule"))
+@app.command(cls=Sections, epilog=example("desat check my12u --schedule"))
 def check(
     ctx: typer.Context,
     target: CheckedTarget,

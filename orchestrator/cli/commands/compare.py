@@ -12,14 +12,24 @@ from ...report.table import ROW_UNIT, Column, Row, Table
 from ...runs.progress import stages
 from ...system.errors import DesatError, Exit
 from .. import options as o
-from ..console import app, err, example, name_of, out, print_json, print_table, warn
+from ..console import (
+    Sections,
+    app,
+    err,
+    example,
+    name_of,
+    out,
+    print_json,
+    print_table,
+    warn,
+)
 
 if TYPE_CHECKING:
     from ...campaign.pairs import Pairs
     from ...studies.compare import Comparison
 
 
-@app.command(epilog=example("desat compare my12u --laws all"))
+@app.command(cls=Sections, epilog=example("desat compare my12u --laws all"))
 def compare(
     ctx: typer.Context,
     targets: Annotated[

@@ -25,7 +25,8 @@ topics = typer.Typer(
     cls=_Topics,
     invoke_without_command=True,
     rich_markup_mode=None,
-    help="Pages of the documentation, the scenario language, the blocks: `desat help` lists them.",
+    help="Pages of the documentation, the scenario language, the blocks: `desat help` lists them, "
+    "`desat help WORDS` searches them.",
 )
 app.add_typer(topics, name="help", epilog=example("desat help own-block"))
 
@@ -51,10 +52,19 @@ def _topics(ctx: typer.Context) -> None:
 
 
 @topics.command(hidden=True, epilog=example("desat help own-block"))
-def page(name: Annotated[str, typer.Argument(metavar="TOPIC", help="A page.")]) -> None:
-    """Print a page of the documentation."""
+def page(
+    words: Annotated[
+        list[str],
+        typer.Argument(metavar="TOPIC|WORDS", help="A page, or words to search for."),
+    ],
+) -> None:
+    """Print a page of the documentation, or the topics that have some words."""
     from ...runs import pages
 
+    name = " ".join(words)
+    if name not in pages.titles() and (rows := pages.found(name)):
+        print_rows(rows, as_json=False)
+        return
     text = pages.text(name)
     if not out.is_terminal:
         out.print(text, end="")

@@ -18,6 +18,7 @@ from ...system.errors import DesatError, Exit, RunError
 from ...system.quantity import Quantity
 from .. import options as o
 from ..console import (
+    Sections,
     app,
     err,
     example,
@@ -36,7 +37,9 @@ if TYPE_CHECKING:
 BASELINE = "baseline"  # folder of the baseline's run in a run folder
 
 
-@app.command(epilog=example("desat run my12u --stop 6h --set manager.gain=0.002"))
+@app.command(
+    cls=Sections, epilog=example("desat run my12u --stop 6h --set manager.gain=0.002")
+)
 def run(
     target: o.Target,
     sets: o.Sets = None,
