@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from itertools import pairwise
 from math import ceil, hypot, inf, nan, pi, sqrt
 from typing import Any, NamedTuple
@@ -318,14 +319,12 @@ def size(
         course = _course_of_fill(whole_run, hardware, law)
     progress("other thresholds")
     thresholds = tuple(_rates_by_threshold(flight, hardware, law, cost, isp))
+    rates_in = partial(rates_of, hardware=hardware, law=law, cost=cost, isp=isp)
     year: list[YearDate] = []
     each: list[Rates] = []
     if requirements.year and float(np.linalg.norm(flight.r[0])) < BEYOND:
         progress("the days of a year")
-        for date, there in days_of_year(system, hardware, attitude, own_day=True):
-            day = flown_at(system, attitude, *there)
-            each.append(rates_of(day, hardware, law, cost, isp))
-            year.append(date)
+        year, each = _days_of(system, hardware, attitude, rates_in)
     of_worst = year[0].activity if year else ""
     by_activity = {
         name: float(np.mean(_a_year_of(name, year, each)))
@@ -681,6 +680,20 @@ def _steady_along(
     """
     along = rates_of(flight, hardware, law, cost, isp, steady.interval)
     return along if along.interval < inf else replace(steady, first=along.first)
+
+
+def _days_of(
+    system: System,
+    hardware: Hardware,
+    attitude: Attitude,
+    rates_in: Callable[[Flight], Rates],
+) -> tuple[list[YearDate], list[Rates]]:
+    """Return the days of a year, and the rates of dumps if each of them lasted."""
+    dates, rates = [], []
+    for date, there in days_of_year(system, hardware, attitude, own_day=True):
+        rates.append(rates_in(flown_at(system, attitude, *there)))
+        dates.append(date)
+    return dates, rates
 
 
 def _rates_by_threshold(
