@@ -320,11 +320,11 @@ def size(
     progress("other thresholds")
     thresholds = tuple(_rates_by_threshold(flight, hardware, law, cost, isp))
     rates_in = partial(rates_of, hardware=hardware, law=law, cost=cost, isp=isp)
-    year: list[YearDate] = []
-    each: list[Rates] = []
-    if requirements.year and float(np.linalg.norm(flight.r[0])) < BEYOND:
-        progress("the days of a year")
-        year, each = _days_of(system, hardware, attitude, rates_in)
+    is_wanted = requirements.year and float(np.linalg.norm(flight.r[0])) < BEYOND
+    progress("the days of a year")
+    year, each = (
+        _days_of(system, hardware, attitude, rates_in) if is_wanted else ([], [])
+    )
     of_worst = year[0].activity if year else ""
     by_activity = {
         name: float(np.mean(_a_year_of(name, year, each)))
