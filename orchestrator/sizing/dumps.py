@@ -321,9 +321,10 @@ def size(
     thresholds = tuple(_rates_by_threshold(flight, hardware, law, cost, isp))
     rates_in = partial(rates_of, hardware=hardware, law=law, cost=cost, isp=isp)
     is_wanted = requirements.year and float(np.linalg.norm(flight.r[0])) < BEYOND
-    progress("the days of a year")
     year, each = (
-        _days_of(system, hardware, attitude, rates_in) if is_wanted else ([], [])
+        _days_of(system, hardware, attitude, rates_in, progress)
+        if is_wanted
+        else ([], [])
     )
     of_worst = year[0].activity if year else ""
     by_activity = {
@@ -687,8 +688,10 @@ def _days_of(
     hardware: Hardware,
     attitude: Attitude,
     rates_in: Callable[[Flight], Rates],
+    progress: Callable[[str], None],
 ) -> tuple[list[YearDate], list[Rates]]:
     """Return the days of a year, and the rates of dumps if each of them lasted."""
+    progress("the days of a year")
     dates, rates = [], []
     for date, there in days_of_year(system, hardware, attitude, own_day=True):
         rates.append(rates_in(flown_at(system, attitude, *there)))
