@@ -6,17 +6,20 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import resource
 import shlex
 import shutil
 import subprocess
 import sys
 import sysconfig
+import tomllib
 from pathlib import Path
 
 import pytest
-from conftest import ROOT
+from conftest import ROOT, python
 
+from desat.cli import EXTRAS
 from desat.files import paths
 from desat.files.scenario import scenarios
 from desat.fmus import registry
@@ -82,7 +85,7 @@ def home(tmp_path_factory):
 
 
 @pytest.fixture
-def installed(home, tmp_path):
+def installed(home, cached_fmus, tmp_path):
     """Run a program of the environment from an empty folder; the cache is in `home`."""
     environment = {
         k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "DESAT"))
@@ -262,3 +265,75 @@ def test_a_newcomer_is_sure_by_a_campaign(newcomer, tmp_path):
     assert "Total wheel momentum at the end (body frame)" in report.read_text(
         encoding="utf-8"
     )
+
+
+def test_the_pages_of_the_wheel_have_what_they_link_to(installed):
+    """Other pages, pictures and the table of interfaces."""
+    code = "from desat.files import paths; print(paths.PAGES)"
+    pages = Path(installed("python", "-c", code).strip())
+    missing = {
+        f"{page.relative_to(pages)}: {link}"
+        for page in pages.rglob("*.md")
+        for link in re.findall(r"\]\(([^)#\s]+)", page.read_text())
+        if "://" not in link and not (page.parent / link).exists()
+    }
+    assert missing == set()
+
+
+# --- without the packages of the extras -----------------------------------------------
+
+
+WITHOUT = """
+import sys
+from desat.cli import EXTRAS, main
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        package = name.partition(".")[0]
+        if package in EXTRAS:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=package)
+sys.meta_path.insert(0, Absent())
+sys.argv[0] = "desat"
+main()
+"""
+
+
+def test_extras_bring_the_packages_that_commands_may_lack():
+    document = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = document["optional-dependencies"]
+    for package, extra in EXTRAS.items():
+        names = [re.split(r"[><=\[]", text)[0] for text in extras[extra]]
+        assert package in names, package
+    needed = {re.split(r"[><=\[]", text)[0] for text in document["dependencies"]}
+    assert not needed & EXTRAS.keys()
+
+
+@pytest.mark.parametrize(
+    ("line", "package"),
+    [
+        ("run NAME --stop 100 --out {0}/run", None),
+        ("check NAME", None),
+        ("show NAME --diagram --out {0}/loop.svg", None),
+        ("compare NAME NAME2 --stop 100 --html {0}/c.html", None),
+        ("size nadir_day/day-dipole --no-loop --no-year --html {0}/s.html", None),
+        ("campaign NAME -n 2 --stop 100 --out {0}/campaign", "pyarrow"),
+        ("run NAME --stop 100 --csv --out {0}/csv", "pyarrow"),
+        ("export web NAME --stop 100 --out {0}/page.html", "ziglang"),
+    ],
+)
+def test_a_command_without_its_package_says_which_extra_brings_it(
+    tmp_path, line, package
+):
+    """Nothing is left behind; what needs no package of an extra works."""
+    line = line.replace("NAME2", "uosat12/table3-ocdc-ilqr-2")
+    line = line.replace("NAME", "uosat12/table3-ocdc-ilqr-1").format(tmp_path)
+    done = python(WITHOUT, *shlex.split(line))
+    if package is None:
+        assert done.returncode == 0, done.stderr
+        return
+    assert done.returncode == 2
+    extra = EXTRAS[package]
+    assert done.stderr == (
+        f"error: this needs the package {package}, which is not installed: "
+        f"`pip install 'desat[{extra}]'`\n"
+    )
+    assert not [*tmp_path.iterdir()]

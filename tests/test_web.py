@@ -506,7 +506,7 @@ def test_what_no_page_can_have_is_refused(desat, craft, arguments, message, tmp_
 
 def test_without_ziglang_it_says_what_to_install(desat, craft, tmp_path, monkeypatch):
     monkeypatch.setattr(module, "zig", _no_zig)
-    with pytest.raises(page.DesatError, match="pip install ziglang"):
+    with pytest.raises(page.DesatError, match="pip install 'desat\\[web\\]'"):
         page.export(str(craft), {"own": Options()}, (), tmp_path / "x.html")
 
 

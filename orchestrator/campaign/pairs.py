@@ -20,7 +20,6 @@ from ..runs.prepare import Target
 from ..runs.run import Options
 from ..system.errors import DesatError
 from ..system.typed import JsonObject
-from . import store
 from .draws import Draws, RunRow
 from .plan import CampaignPlan, read, system
 from .sampling import draw_of
@@ -136,6 +135,8 @@ def compare(first: Path, second: Path, level: float = 0.95) -> Pairs:
     DesatError
         If they are not of the same draws.
     """
+    from . import store  # needs pyarrow, which other comparisons do not
+
     one, other = read(first), read(second)
     for key in ("seed", "sampling"):
         if getattr(one, key) != getattr(other, key):
@@ -220,6 +221,8 @@ def _same_inputs(first: Path, second: Path, matched: Sequence[DataFrame]) -> Non
 
 def _same_units(first: Path, second: Path, names: list[str]) -> dict[str, str]:
     """Return the unit of each number; raise DesatError if the two differ."""
+    from . import store
+
     descriptions = [store.described(f) for f in (first, second)]
     units = {}
     for name in names:

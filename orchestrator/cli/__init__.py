@@ -139,16 +139,39 @@ def _code() -> int:
             return Exit.INPUT
         _drop_output()
         return Exit.SPACE
+    except ModuleNotFoundError as error:
+        if (extra := EXTRAS.get(str(error.name).partition(".")[0])) is None:
+            return _say_bug(error)
+        _say(
+            f"this needs the package {error.name}, which is not installed: "
+            f"`pip install 'desat[{extra}]'`"
+        )
+        return Exit.INPUT
     except Exception as error:
         if hasattr(error, "format_message"):  # click's own messages
             _say_usage(error)
             return int(getattr(error, "exit_code", Exit.INPUT))
-        if os.environ.get("DESAT_TRACEBACK"):
-            traceback.print_exc()
-        _say(
-            f"internal: {type(error).__name__}: {error} (DESAT_TRACEBACK=1 shows where)"
-        )
-        return Exit.BUG
+        return _say_bug(error)
+
+
+# packages that only some commands use, and the extra of desat that brings each
+EXTRAS = {
+    "pyarrow": "campaign",
+    "pandas": "tables",
+    "xarray": "tables",
+    "matplotlib": "figures",
+    "ziglang": "web",
+    "distributed": "cluster",
+    "SALib": "cluster",
+}
+
+
+def _say_bug(error: Exception) -> int:
+    """Print an error that no user can have caused; return its exit code."""
+    if os.environ.get("DESAT_TRACEBACK"):
+        traceback.print_exc()
+    _say(f"internal: {type(error).__name__}: {error} (DESAT_TRACEBACK=1 shows where)")
+    return Exit.BUG
 
 
 QUIET = ("--quiet", "-q")

@@ -41,7 +41,7 @@ def need_compiler() -> None:
     except NoCompilerError:
         raise DesatError(
             "a page is compiled by the package ziglang, which is not here: "
-            "`pip install ziglang`"
+            "`pip install 'desat[web]'`"
         ) from None
 
 

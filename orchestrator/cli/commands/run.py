@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from importlib import import_module
 from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -120,6 +121,8 @@ def run(
     from ...runs.run import prepare, simulate
     from ...runs.validation import check_disk
 
+    if csv:
+        import_module("pyarrow")  # before the flight
     options = o.options_of(
         sets,
         stop,
