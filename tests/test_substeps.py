@@ -674,6 +674,24 @@ def test_a_craft_that_loses_its_attitude_runs_and_says_that_it_is_not_resolved(
     assert "would still err" in line
 
 
+@pytest.mark.parametrize("least", [8, 16, 64, 128])
+def test_a_look_from_many_substeps_on_ends_where_none_is_accurate_enough(
+    tmp_path, monkeypatch, least
+):
+    """It began with more substeps than the run falls back to."""
+    monkeypatch.chdir(tmp_path)
+    new_craft.write(Path("mine"), CraftFacts(size="6U"), "desat new craft")
+    strange = {"spacecraft.omega_start_body": [0.5, 0.7, -0.6]}
+    options = Options(stop=200.0, values=strange)
+    system, _ = prepare("mine", replace(options, accuracy=2e-6)).or_raise()
+    flights = substep_choice._Flights(system, options, least, 40)
+    monkeypatch.setattr(flights, "_estimate", lambda a, b: (1.0, np.ones(40)))
+    choice = flights.choice("mine")
+    assert choice.substeps == least
+    assert choice.estimate == 1.0
+    assert "would still err" in choice.why
+
+
 # --- many cases -----------------------------------------------------------------------
 
 

@@ -564,8 +564,9 @@ class _Flights:
             coarse = fine
         if self._system.accuracy >= LOOSE:
             reason = self._reason(tried, error)
+            count = max(FALLBACK, self._levels[0])
             return SubstepChoice(
-                FALLBACK, self._system.accuracy, tried[FALLBACK], reason, tried=tried
+                count, self._system.accuracy, tried[count], reason, tried=tried
             )
         raise DesatError(
             f"{target}: substeps = auto: {self._reason(tried, error)}; take a larger "
