@@ -3,7 +3,9 @@ docs/."""
 
 from __future__ import annotations
 
+import base64
 import inspect
+import json
 import os
 import re
 from pathlib import Path
@@ -25,6 +27,7 @@ from desat.system.options import Options
 
 ROOT = Path(__file__).parents[1]
 FOLDER = "generated"
+NOTEBOOK = Path("tutorials/7-notebook.ipynb")
 BESIDE = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
 """Pages beside docs/, and what they are called here."""
 
@@ -50,15 +53,43 @@ def write(docs: Path) -> None:
     for name, here in BESIDE.items():
         text = (ROOT / name).read_text(encoding="utf-8")
         pages[here] = text.replace("](docs/", "](../")
-    for old in [*folder.rglob("*.md"), *folder.rglob("*.svg")]:
-        if str(old.relative_to(folder)) not in pages:
+    files = {name: text.encode() for name, text in pages.items()}
+    files |= _notebook(docs / NOTEBOOK)
+    for old in [p for form in ("md", "svg", "png") for p in folder.rglob(f"*.{form}")]:
+        if str(old.relative_to(folder)) not in files:
             old.unlink()
-    for name, text in pages.items():
+    for name, content in files.items():
         file = folder / name
-        if not file.exists() or file.read_text(encoding="utf-8") != text:
+        if not file.exists() or file.read_bytes() != content:
             made = file.with_suffix(f".{os.getpid()}")  # two builds may run at a time
-            made.write_text(text, encoding="utf-8")
+            made.write_bytes(content)
             made.replace(file)
+
+
+def _notebook(file: Path) -> dict[str, bytes]:
+    """The page of a notebook with its outputs, and its pictures, by their names."""
+    lines: list[str] = []
+    pictures: dict[str, bytes] = {}
+    for cell in json.loads(file.read_text(encoding="utf-8"))["cells"]:
+        source = "".join(cell["source"])
+        if cell["cell_type"] == "markdown":
+            lines += [source, ""]
+            continue
+        lines += ["```python", source, "```", ""]
+        for output in cell["outputs"]:
+            data = output.get("data", {})
+            if "image/png" in data:
+                name = f"{file.stem}-{len(pictures) + 1}.png"
+                pictures[name] = base64.b64decode(data["image/png"])
+                lines += [f"![{source.splitlines()[0]}]({name})", ""]
+                continue
+            text = "".join(output.get("text") or data.get("text/plain") or [])
+            lines += ["```text", text.rstrip(), "```", ""]
+    lines += [
+        f"The notebook: {{download}}`{file.name} <../tutorials/{file.name}>`.",
+        "",
+    ]
+    return {f"{file.stem}.md": "\n".join(lines).encode(), **pictures}
 
 
 def _table(heads: list[str], rows: list[list[str]]) -> str:

@@ -300,3 +300,38 @@ def test_the_site_builds_in_a_minute_every_page_is_reached_and_none_needs_a_netw
         assert not re.findall(
             r'<(?:script|link)[^>]*(?:src|href)="https?:[^"]*"', text
         ), file.name
+
+
+def test_the_notebook_gives_its_outputs(tmp_path):
+    """Every cell runs, and prints and shows what is stored."""
+    nbformat = pytest.importorskip("nbformat")
+    nbclient = pytest.importorskip("nbclient")
+    stored = nbformat.read(DOCS / "tutorials" / "7-notebook.ipynb", 4)
+    again = nbformat.reads(nbformat.writes(stored), 4)
+    nbclient.NotebookClient(
+        again,
+        timeout=200,
+        kernel_name="python3",
+        resources={"metadata": {"path": tmp_path}},
+    ).execute()
+
+    def shown(cell):
+        prints = "".join(
+            o["text"]
+            for o in cell.outputs
+            if o.output_type == "stream" and o.name == "stdout"
+        )
+        results = [
+            o["data"]["text/plain"]
+            for o in cell.outputs
+            if o.output_type == "execute_result"
+        ]
+        pictures = sum("image/png" in o.get("data", {}) for o in cell.outputs)
+        return prints.strip(), results, pictures
+
+    cells = [c for c in again.cells if c.cell_type == "code"]
+    assert len(cells) >= 6
+    for cell, kept in zip(
+        cells, [c for c in stored.cells if c.cell_type == "code"], strict=True
+    ):
+        assert shown(cell) == shown(kept), cell.source
