@@ -331,7 +331,7 @@ def test_the_notebook_gives_its_outputs(tmp_path):
 
     cells = [c for c in again.cells if c.cell_type == "code"]
     assert len(cells) >= 6
-    for cell, kept in zip(
+    for cell, before in zip(
         cells, [c for c in stored.cells if c.cell_type == "code"], strict=True
     ):
-        assert shown(cell) == shown(kept), cell.source
+        assert shown(cell) == shown(before), cell.source
