@@ -967,3 +967,75 @@ def test_an_address_beyond_the_sliders_warns(browser, usual_page, address, messa
     assert "#" not in at.tab.url
     assert "?" not in at.tab.url
     at.tab.close()
+
+
+# --- what the page says and shows first -----------------------------------------------
+
+
+@needs_zig
+def test_a_page_answers_in_a_sentence_and_says_who_made_it(browser, craft, tmp_path):
+    """Its description, date and author; sliders are named in words; what is missed is
+    named."""
+    answer = page.export(
+        str(craft),
+        {"own": Options(stop=3000.0, substeps=1)},
+        ["wheels.h_start_wheel=0 mN.m.s:14 mN.m.s", "torquers.m_limit=0.05:0.8"],
+        tmp_path / "page.html",
+        author="A. <Engineer> & Co",
+    )
+    at = Tab(browser, answer.path)
+    margin = at.tab.evaluate("desat.shown.numbers.momentum_margin")
+    assert at.text("answer").startswith(
+        f"Holds: the fullest wheel keeps a margin of {number(margin)} %; without"
+    )
+    body = at.tab.locator("body").inner_text()
+    assert "made by A. <Engineer> & Co on 20" in body
+    assert "18 kg, nadir pointing" in body
+    for slider in at.tab.locator("#sliders input[type=range]").all():
+        label = slider.get_attribute("aria-label")
+        assert "." not in label
+        assert "_" not in label
+    at.type("wheels.h_start_wheel", "14")
+    text = at.text("answer")
+    assert text.startswith("Does not hold: a wheel is full after")
+    assert "Largest wheel momentum" in text.partition("NOT MET: ")[2]
+    at.tab.close()
+
+
+@needs_zig
+def test_charts_of_a_page_are_saved_and_its_view_follows_the_pointer(
+    browser, craft, tmp_path
+):
+    answer = page.export(
+        str(craft), {"own": Options(stop=3000.0, substeps=1)}, [], tmp_path / "p.html"
+    )
+    at = Tab(browser, answer.path)
+    tab = at.tab
+    assert tab.locator(".save").count() == tab.evaluate("desat.charts.length")
+    bar = tab.locator("figure .save").first
+    for kind in ("PNG", "SVG", "CSV"):
+        with tab.expect_download() as download:
+            bar.get_by_text(kind, exact=True).click()
+        file = tmp_path / download.value.suggested_filename
+        download.value.save_as(file)
+        if kind == "PNG":
+            assert file.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+        elif kind == "SVG":
+            root = html.fromstring(file.read_bytes())
+            assert "with management" in root.text_content()
+        else:
+            head, *lines = file.read_text().splitlines()
+            assert head.startswith("time [s],with management [mN m s]")
+            assert len(lines) == tab.evaluate("desat.shown.times.length")
+    box = tab.locator("figure .u-over").first.bounding_box()
+    tab.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 20)
+    count = tab.evaluate("desat.scene.data.count")
+    wait_until(tab, f"Math.abs(desat.scene.row - {count / 2}) < {0.03 * count}")
+    tab.evaluate(
+        "(() => { const s = document.querySelector('#scene input'); s.value = 100;"
+        " s.dispatchEvent(new Event('input')); })()"
+    )
+    moved = tab.evaluate("desat.charts[0].posToVal(desat.charts[0].cursor.left, 'x')")
+    step = tab.evaluate("desat.scene.data.step")
+    assert moved == pytest.approx(100 * step, abs=3000.0 / 300)
+    tab.close()
