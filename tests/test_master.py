@@ -381,7 +381,7 @@ def looked_at(name: str, algorithm: str) -> int:
     searches = name.startswith("hausat2/rollout-")
     full = ("hausat2/rollout-gyro", "hausat2/rollout-no-gyro")
     is_whole = name in full and algorithm == "gauss_seidel"
-    return (100 if is_whole else 20) if searches else 300
+    return (100 if is_whole else 20) if searches else 120
 
 
 # what jacobi changes is the way of the values alone

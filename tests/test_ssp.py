@@ -117,7 +117,7 @@ def test_a_packed_scenario_gives_the_bits_of_the_scenario(name, tmp_path):
     """One of each craft: what tables, pages and draws compute of scenarios holds for
     the packed files that other tools load."""
     data = find(name).content.written
-    options = Options(stop=min(data["stop"], 200.0 * data["step"]))
+    options = Options(stop=min(data["stop"], 80.0 * data["step"]))
     kind = "native" if name in SLOW_IN_PYTHON else "python"
     place = pack_scenario(find(name), tmp_path / "x.ssp", fmus=kind)
     packed = execute(str(place), options)
