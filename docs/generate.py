@@ -151,6 +151,7 @@ def _drawings() -> dict[str, tuple[str, str]]:
     found: dict[str, tuple[str, str]] = {}
     places: dict[str, list[tuple[str, str]]] = {}  # role: scenario, component
     kinds = set()
+    most: dict[str, int] = {}
     for name, scenario in scenarios().items():
         of = scenario.content
         kind = repr((scenario.family, of.craft, of.ssd, of.sources))
@@ -162,9 +163,13 @@ def _drawings() -> dict[str, tuple[str, str]]:
             places.setdefault(component.interface.role, []).append(
                 (name, component.name)
             )
-            if component.interface.model not in found:
-                text = loop_of_system(system, component.name)
-                found[component.interface.model] = f"`{name}`", text
+            model = component.interface.model
+            wires = sum(
+                component.name in (c.source, c.target) for c in system.connections
+            )
+            if wires > most.get(model, 0):  # where it has most neighbours
+                most[model] = wires
+                found[model] = f"`{name}`", loop_of_system(system, component.name)
     for block in registry.names():
         role = registry.block_class(block).role
         for name, component in places.get(role, []):

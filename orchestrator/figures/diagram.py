@@ -39,7 +39,8 @@ STYLE = """
 .diagram { --ink: #1c2330; --soft: #5b6675; --face: #f4f6f9; --paper: #ffffff; --line: #b8c1cc;
   font: 10px system-ui, "Segoe UI", "DejaVu Sans", sans-serif; }
 @media (prefers-color-scheme: dark) { .diagram { --ink: #e8ecf2; --soft: #a4afbd;
-  --face: #232a35; --paper: #161b22; --line: #465263; } }
+  --face: #232a35; --paper: #161b22; --line: #465263; }
+  .diagram [stroke^="#"], .diagram [fill^="#"] { filter: brightness(1.6); } }
 .diagram .paper { fill: var(--paper); } .diagram .box { fill: var(--face); stroke: var(--line); }
 .diagram text { fill: var(--ink); } .diagram .soft { fill: var(--soft); }
 .diagram .name { font-size: 12px; font-weight: 600; }
