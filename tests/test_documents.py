@@ -305,6 +305,16 @@ ACCEPTED: dict[str, dict[str, str]] = {
         "14 kB": BY_HAND,
         "8 kB": BY_HAND,
     },
+    "docs/questions.md": dict.fromkeys(  # its commands stand beside them
+        [
+            *("0.0168 A m2", "0.0215 deg", "0.022 deg", "0.1 m", "0.125 deg"),
+            *("0.192 A m2", "0.526 W", "0.809 mN m s", "1.0 m", "1.69 h"),
+            *("1.7e-15 mN m s", "10.1 mN m s", "11.3 N m s", "2.66 kg", "2.87 N m s"),
+            *("27 g", "4.15 g", "4126 rpm", "5.10 %", "5.79 mN m s", "600 s", "7 s"),
+            *("8.33 h", "8.4 mN m s", "80 mm", "90 deg"),
+        ],
+        BY_HAND,
+    ),
     "docs/reference.md": {
         "0.36 deg": "precession since J2000: 50.3 arc seconds a year",
         "1e-7 rad": LIMIT,

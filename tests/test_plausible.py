@@ -659,3 +659,19 @@ def test_a_value_beyond_all_quantities_is_a_problem_and_no_bug(name, size):
                 "a magnitude of at most 1e+40 is needed" in line
                 for line in found.problems
             )
+
+
+@pytest.mark.parametrize(
+    ("target", "wheels", "message"),
+    [
+        ("0,-0.2,0", "4 pyramid 15mNms", "0.0866 N m s of a wheel, which holds 0.015"),
+        ("0,0,0.02", "3 axes 15mNms", "0.02 N m s of a wheel, which holds 0.015 N m s"),
+        ("0,-0.002,0", "4 pyramid 15mNms", ""),
+        ("0,0,0.02", "4 pyramid 15mNms", ""),
+    ],
+)
+def test_a_target_that_wheels_do_not_hold_is_told(tmp_path, target, wheels, message):
+    write(tmp_path / "c", CraftFacts(size="12U", wheels=wheels), "desat new craft")
+    options = Options(sets=[f"manager.h_target_body={target}"])
+    lines = "\n".join(prepare(str(tmp_path / "c"), options).checked.warnings)
+    assert (message in lines) if message else ("h_target_body" not in lines)

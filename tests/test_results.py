@@ -21,12 +21,16 @@ import h5py
 import numpy as np
 import pytest
 from conftest import ROOT
+from hypothesis import given
+from hypothesis import strategies as st
 from isal import isal_zlib
 from pyarrow import parquet
 from scipy.io import loadmat
 
 import desat as desat_package
 from desat.analyses.manifest import Manifest
+from desat.begin.craft import write
+from desat.begin.facts import CraftFacts
 from desat.engine.ending import NEVER
 from desat.engine.loop import run as step_on
 from desat.engine.loop import stepping
@@ -37,12 +41,14 @@ from desat.engine.recording import series_file, shared_tables
 from desat.engine.recording.recorder import Recorder
 from desat.engine.recording.results import Results
 from desat.export.series import export, no_formula
+from desat.figures.plots import series_figure
 from desat.files import library, paths
 from desat.files.builder import Builder
 from desat.files.fmu import of_fmu
 from desat.fmus import registry
 from desat.language.scenario import Number
 from desat.numbers import derived
+from desat.numbers.derived import sample_rows
 from desat.numbers.measures import MEASURES
 from desat.numbers.numbers import evaluate, related, relative, scale
 from desat.numbers.text import spell_unit
@@ -297,6 +303,10 @@ def test_exports_hold_the_same_numbers(folder, tmp_path):
             assert np.array_equal(table[first].to_numpy(), column[:60])
     pictures, _ = export(folder, "png", tmp_path)
     assert all(p.read_bytes()[1:4] == b"PNG" for p in pictures)
+    drawings, _ = export(folder, "svg", tmp_path)
+    assert [p.stem for p in drawings] == [p.stem for p in pictures]
+    assert all(p.read_text().startswith("<svg") for p in drawings)
+    assert "management" in [p.stem for p in drawings]
     with pytest.raises(DesatError, match="--format xls: there are csv"):
         export(folder, "xls", tmp_path)
 
@@ -692,3 +702,49 @@ def test_each_axis_of_a_series_has_a_scale(tmp_path):
                 seen += series.ndim == 2
         assert seen > 3
         assert file[".element.3"][()].tolist() == [1, 2, 3]
+
+
+# --- attitudes that are compared with a sampled reference -----------------------------
+
+
+@given(
+    st.integers(1, 400),
+    st.floats(0.05, 2.0),
+    st.floats(0.01, 5.0),
+    st.floats(-1e3, 1e3),
+)
+def test_rows_at_which_a_component_has_sampled(count, step, sample_time, start):
+    """The first row, and the first at or after each sample."""
+    times = start + step * np.arange(count)
+    rows = np.flatnonzero(sample_rows(times, sample_time))
+    if count < 2 or sample_time <= 1.001 * (times[1] - times[0]):
+        assert len(rows) == count
+        return
+    assert rows[0] == 0
+    since = times[rows] - start
+    samples = np.floor(since / sample_time + 1e-9)
+    assert (np.diff(samples) >= 1).all()
+    assert (since - samples * sample_time < step * (1.0 + 1e-6)).all()
+
+
+def test_a_pointing_error_does_not_depend_on_the_step(tmp_path):
+    """The guidance samples once a second: between its samples the craft goes on turning,
+    which is no error."""
+    write(tmp_path / "c", CraftFacts(size="6U"), "desat new craft")
+    quiet = {
+        "determination.noise": 0.0,
+        "determination.markov_sigma": 0.0,
+        "gyro.angle_random_walk": 0.0,
+        "magnetometer.noise": 0.0,
+        "tachometers.noise": 0.0,
+    }
+    found = {}
+    for step in (1.0, 0.5, 0.25):
+        options = Options(stop=1500.0, step=step, substeps=1, values=quiet)
+        run = execute(str(tmp_path / "c"), options)
+        found[step] = [run.manifest.numbers[n].value for n in ("pointing", "jitter")]
+        plot = run.manifest.content.plots["pointing"]
+        (ax,) = series_figure(plot, [("", run.results, run.manifest.parameters)]).axes
+        assert max(len(m.x) for m in ax.marks) <= 1501
+    for values in found.values():
+        assert values == pytest.approx(found[1.0], rel=0.02)

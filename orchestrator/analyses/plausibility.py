@@ -53,6 +53,7 @@ def warnings(system: System) -> Iterator[str]:
     wheels = craft_of(system).wheels
     if wheels is not None and "inertia_wheel" in wheels.component.values:
         yield from _dumps(system, wheels)
+        yield from _momentum_target(system, wheels)
         yield from _orbit_momentum(system, wheels)
     yield from _coils(system)
 
@@ -121,6 +122,28 @@ def _dumps(system: System, wheels: WheelArray) -> Iterator[str]:
             f"{_place_of(system, manager, 'torque')}: {manager.name}.torque = {torque:g} N m asks up "
             f"to {needed:.3g} N m of a wheel, which gives {limit:g} N m: the craft turns with "
             "each dump"
+        )
+
+
+def _momentum_target(system: System, wheels: WheelArray) -> Iterator[str]:
+    """Check the target of the wheels' momentum against what the wheels hold.
+
+    The share of each wheel is the least-squares one, as the laws share momentum.
+    """
+    manager = craft_of(system).manager
+    if manager is None or (manager.name, "h_target_body") in system.fed:
+        return
+    target = np.array(manager.values.get("h_target_body", (0.0, 0.0, 0.0)), float)
+    if not target.any() or not len(wheels.capacities):
+        return
+    shares = np.abs(np.linalg.pinv(wheels.axes) @ target)
+    most = float((shares / wheels.capacities).max())
+    place = _place_of(system, manager, "h_target_body")
+    if most > 1.0:
+        wheel = int((shares / wheels.capacities).argmax())
+        yield (
+            f"{place}: {manager.name}.h_target_body of {np.linalg.norm(target):.4g} N m s asks "
+            f"{shares[wheel]:.4g} N m s of a wheel, which holds {wheels.capacities[wheel]:.4g} N m s"
         )
 
 

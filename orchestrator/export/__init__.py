@@ -31,7 +31,7 @@ class _Export(ModuleType):
         run
             A run, or the folder of one.
         form
-            csv, parquet or mat, or png or pdf of its plots.
+            csv, parquet or mat, or svg, png or pdf of its plots.
         folder
             Where the files go; None: the run's folder.
 

@@ -5,7 +5,8 @@ csv, parquet: a column for each element, `component.variable[i] [unit]`, and `ti
 mat: a struct for each component, with `time`, `interval` and `units` (MATLAB, Octave,
 scipy).
 
-png, pdf: the scenario's plots, a file each.
+svg, png, pdf: the scenario's plots, a file each, and `management`: the momentum of the
+fullest wheel with management and without.
 """
 
 from __future__ import annotations
@@ -19,13 +20,14 @@ from typing import Any, BinaryIO
 import numpy as np
 import pyarrow as pa
 
-from ..figures.painting import paint
+from ..analyses import management
+from ..figures.painting import save
 from ..files import io
 from ..runs.run import Run, load_run
 from ..runs.table import table_of
 from ..system.errors import DesatError, plain
 
-FORMATS = ("csv", "parquet", "mat", "png", "pdf")
+FORMATS = ("csv", "parquet", "mat", "svg", "png", "pdf")
 
 
 def export(folder: Path, form: str, into: Path | None = None) -> tuple[list[Path], str]:
@@ -68,7 +70,7 @@ def _check_form(form: str) -> None:
 
 def _write(run: Run, form: str, into: Path) -> tuple[list[Path], str]:
     """Write the files of a format, and return them with a note."""
-    if form in ("png", "pdf"):
+    if form in ("svg", "png", "pdf"):
         return _plots(run, form, into), ""
     path, note = into / f"series.{form}", ""
     with io.replacing_file(path) as file:
@@ -166,17 +168,22 @@ def _plots(run: Run, form: str, into: Path) -> list[Path]:
 
     plots = []
     runs = [(label_of(run.manifest), run.results, run.manifest.parameters)]
-    for name, plot in run.manifest.content.plots.items():
-        figure = series_figure(plot, runs)
-        if figure is None:
+    figures = {
+        name: series_figure(plot, runs)
+        for name, plot in run.manifest.content.plots.items()
+    }
+    if run.manifest.parts.get(management.KEY):
+        for _, figure in management.figures(run.manifest, run.results):
+            figures.setdefault("management", figure)
+    for name, drawn in figures.items():
+        if drawn is None:
             continue
         if "/" in name or "\\" in name:
             raise DesatError(
                 f"{into}: plot {plain(name)}: a file's name has no / and no \\"
             )
         path = into / f"{name}.{form}"
-        with io.replacing(path) as part:
-            paint(figure, part, form)
+        save(drawn, path)
         plots.append(path)
     if not plots:
         raise DesatError(f"{into}: the scenario has no plots of recorded series")

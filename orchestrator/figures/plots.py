@@ -11,7 +11,7 @@ import numpy as np
 from ..engine.recording.results import Results
 from ..numbers import derived
 from ..numbers.limits import limits_of
-from ..numbers.numbers import scale
+from ..numbers.numbers import sample_time_of, scale
 from ..system.errors import DesatError, nearest
 from ..system.expression import Table
 from .canvas import INCH, Axes, Figure, Strip
@@ -67,7 +67,10 @@ def series_figure(plot: Plot, runs: Sequence[Run]) -> Figure | None:
     _, results, parameters = runs[0]
     if (unit := unit_of(plot, results)) is None:
         return None
-    drawn = [lines_of(plot, r, unit) for _, r, _ in runs]
+    drawn = [
+        [_at_samples(x, sample_time_of(plot, p)) for x in lines_of(plot, r, unit)]
+        for _, r, p in runs
+    ]
     is_largest = len(runs) > 2 and any(len(lines) > 1 for lines in drawn)
     if is_largest:
         drawn = [_largest(lines) for lines in drawn]
@@ -102,6 +105,14 @@ def series_figure(plot: Plot, runs: Sequence[Run]) -> Figure | None:
             ax.title = f"from {begin / seconds:g} {time_unit} on"
             ax.x.low, ax.x.high = begin / seconds, results.times()[-1] / seconds
     return fig
+
+
+def _at_samples(line: Line, sample_time: float) -> Line:
+    """Return the rows of a line at which its reference is new."""
+    if sample_time <= 0.0:
+        return line
+    sampled = derived.sample_rows(line.times, sample_time)
+    return line._replace(times=line.times[sampled], values=line.values[sampled])
 
 
 def _largest(lines: list[Line]) -> list[Line]:

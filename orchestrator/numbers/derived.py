@@ -177,6 +177,28 @@ def error_vector(q: Array, q_ref: Array) -> Array:
     return np.asarray(np.degrees(sign * angle * direction))
 
 
+def sample_rows(times: Array, sample_time: float) -> NDArray[np.bool_]:
+    """Return the rows (n,) at which a component of a sample time (s) has sampled.
+
+    They are the first rows at or after its samples. All rows where it samples at every
+    row, or its sample time is not known (0).
+    """
+    if len(times) < 2 or sample_time <= 1.001 * (times[1] - times[0]):
+        return np.ones(len(times), bool)
+    count = np.floor((times - times[0]) / sample_time + 1e-9)
+    return np.asarray(np.diff(count, prepend=-1.0) > 0.0)
+
+
+def reference_of(signals: Sequence[str], measure: str, derive: str) -> str:
+    """Return the component of the reference that attitudes are compared with, or "".
+
+    A reference holds between its samples, while the craft goes on turning, so that a
+    difference there is none of pointing.
+    """
+    compares = measure.startswith("pointing_") or derive in ("pointing", "error_vector")
+    return signals[1].partition(".")[0] if compares and len(signals) > 1 else ""
+
+
 @quantity("", unit="deg")
 def pointing(q: Array, q_ref: Array) -> Array:
     """The angle between attitudes (deg), row by row; exact for small ones."""

@@ -42,7 +42,7 @@ from .measures import LATE, MEASURES, OWN_UNIT, SCALARS, SIZES, Measure
 if TYPE_CHECKING:
     from ..engine.recording.results import Results
     from ..language.content import Content
-    from ..language.scenario import Number
+    from ..language.scenario import Number, Plot
 
 OPEN_END = 1e9  # s: a window that ends here or later ends with the run
 
@@ -68,6 +68,8 @@ class BoundNumber(NamedTuple):
     derive_options: dict[str, Any]
     options: dict[str, Any]  # of the measure, as numbers
     convert: Callable[[float], float]  # from the measure's unit to the number's
+    # s, of the reference that attitudes are compared with; 0: rows are taken as they are
+    sample_time: float = 0.0
 
     def evaluate(self, results: Results) -> float | None:
         """Return its value in a run, in its unit.
@@ -78,6 +80,10 @@ class BoundNumber(NamedTuple):
         columns = self._columns(results)
         rows = min(len(c) for c in columns)
         times = results.times()[:rows]
+        if self.sample_time > 0.0:
+            sampled = derived.sample_rows(times, self.sample_time)
+            times, columns = times[sampled], [c[:rows][sampled] for c in columns]
+            rows = len(times)
         if self.number.window:
             begin, end = self.number.window
             inside = (times >= begin - 1e-6) & (times <= end + 1e-6)
@@ -157,7 +163,23 @@ def bind(number: Number, series: SeriesLookup, parameters: Table | None) -> Boun
         owner = number.signals[0].partition(".")[0]
         for name in quantity.extra_series if quantity else ():
             derive_options[name] = entry(f"{owner}.{name}", parameters)[0]
-    return BoundNumber(number, measure, quantity, derive_options, options, convert)
+    return BoundNumber(
+        number,
+        measure,
+        quantity,
+        derive_options,
+        options,
+        convert,
+        sample_time_of(number, parameters),
+    )
+
+
+def sample_time_of(entry: Number | Plot, parameters: Table | None) -> float:
+    """Return the sample time (s) of the reference of an attitude error; 0 without one."""
+    measure = getattr(entry, "measure", "")
+    owner = derived.reference_of(entry.signals, measure, entry.derive)
+    known = (parameters or {}).get(owner, {}).get("sample_time")
+    return float(known.value) if known is not None else 0.0
 
 
 def evaluate(number: Number, results: Results, parameters: Table) -> float | None:

@@ -76,6 +76,7 @@ def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
         if manifest.parts.get(management.KEY)
         else []
     )
+    has_management = bool(drawn)
     lead = max(1, len(drawn) + bool(manifest.verdicts))
     drawn += [
         (plot.title, figure)
@@ -105,6 +106,7 @@ def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
         baseline_label=runs[1][0] if baseline else "",
         baseline_name=baseline.manifest.scenario if baseline else "",
         lead=lead,
+        has_management=has_management,
         law=_law(manifest),
         **_pictures(manifest, run.results),
         files=_files(folder),

@@ -32,7 +32,7 @@ from ..numbers import derived
 from ..numbers.derived import QUANTITIES, coil_impulse
 from ..numbers.limits import parameter_of
 from ..numbers.measures import MEASURES, OWN_UNIT
-from ..numbers.numbers import scale
+from ..numbers.numbers import sample_time_of, scale
 from ..numbers.text import spell_unit
 from ..report.policy import part
 from ..report.report import data_element, render
@@ -555,6 +555,7 @@ def _number(number: Number, law: _LawSystem) -> JsonObject:
         "scale": 1.0
         if same or reference is not None
         else factor(source, number.unit, number.measure),
+        "held": sample_time_of(number, law.known),
         "options": {
             k: expression(x, law.known) if isinstance(x, str) and k != "kind" else x
             for k, x in number.options.items()

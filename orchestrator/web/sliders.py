@@ -376,6 +376,7 @@ def _slider(name: str, system: System, place: str) -> Slider:
     )
     unit, factor, offset = _shown(first, size_shown)
     text = first.description.partition(";")[0].partition(":")[0].partition(",")[0]
+    text = text.partition(" for `")[0]
     return Slider(
         name,
         text,

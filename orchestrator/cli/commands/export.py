@@ -26,7 +26,7 @@ def run(
     form: Annotated[
         str,
         typer.Option(
-            "--format", help="csv, parquet, mat, or, of its plots, png or pdf."
+            "--format", help="csv, parquet, mat, or, of its plots, svg, png or pdf."
         ),
     ] = "csv",
     into: Annotated[
