@@ -835,6 +835,9 @@ def test_help_searches_its_topics(desat):
     rows = desat("help", "dead", "coil", check=True).stdout
     assert "manager_receding_horizon" in rows
     assert desat("help", "own-block", check=True).stdout.startswith("# ")
+    page = desat("help", "python", check=True).stdout
+    assert "- desat.run(target: str | PathLike[str]," in page.replace("\n", "")
+    assert ".. " not in page
     refused = desat("help", "xyzzy")
     assert refused.returncode == 2
     assert "no such topic" in refused.stderr

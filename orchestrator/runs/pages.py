@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 
 from desat.fmus.registry import block_class, names
@@ -13,6 +15,16 @@ from ..system.errors import DesatError, nearest
 
 FOLDERS = ("", "tutorials/", "understand/")  # folders of the pages for users
 WIDEST = 90  # letters of a line that a search shows
+# parts of a page that are directives of the site, and what of them says nothing here
+FENCED = re.compile(r"^```\{eval-rst\}\n.*?^```$", re.MULTILINE | re.DOTALL)
+OTHERS = re.compile(
+    r"^(?:```.*|\.\. automodule::.*|   :(?:no-)?members:)\n?", re.MULTILINE
+)
+# directives of the site that name a function or class of ours
+DIRECTIVE = re.compile(
+    r"^\.\. auto(?:function|class):: (?P<name>desat\.\w+)$",
+    re.MULTILINE,
+)
 
 
 def titles() -> dict[str, str]:
@@ -25,7 +37,21 @@ def text(name: str) -> str:
     known = _pages()
     if name not in known:
         raise DesatError(f"desat help {name}: no such topic{nearest(name, known)}")
-    return known[name].read_text(encoding="utf-8")
+    page = known[name].read_text(encoding="utf-8")
+    for fence in FENCED.findall(page):  # directives of the site
+        lines = DIRECTIVE.sub(_signature, OTHERS.sub("", fence))
+        page = page.replace(fence, re.sub(r"^\.\. py:\w+::", "-", lines, flags=re.M))
+    return page
+
+
+def _signature(match: re.Match[str]) -> str:
+    """Return signature and first line of what a directive of the site names."""
+    name = match["name"]
+    owner, _, attribute = name.rpartition(".")
+    value = getattr(import_module(owner), attribute)
+    first = (inspect.getdoc(value) or "").partition("\n")[0]
+    signature = str(inspect.signature(value)).replace("'", "")
+    return f"- {name}{signature}\n\n   {first}"
 
 
 def found(words: str) -> list[dict[str, str]]:
