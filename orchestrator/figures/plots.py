@@ -360,7 +360,7 @@ BAND_COLOURS = (
 )
 # A span is at least as wide as one of this many columns, so that short ones are
 # visible.
-COLUMNS = 800
+COLUMNS = 250
 
 
 def timeline(
