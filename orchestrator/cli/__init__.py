@@ -8,6 +8,7 @@ import signal
 import sys
 import traceback
 from collections.abc import Sequence
+from importlib import import_module
 from typing import Annotated, Any, NoReturn
 
 import typer
@@ -15,12 +16,12 @@ from typer.main import get_command
 
 from ..engine.process_state import THREADS, stop_signals
 from ..files.io import is_full
-from ..runs import progress
 from ..system import discovery
 from ..system.errors import DesatError, Exit, nearest
 from .console import app, err, out
 from .spare import spare
 
+PROGRESS = "desat.runs.progress"
 REPEAT_AFTER = 0.05  # s: a callback of the interpreter or of ctypes has ended by then
 
 
@@ -56,7 +57,8 @@ def _desat(
     ] = False,
 ) -> None:
     out.quiet = quiet
-    progress.quiet(quiet)
+    if quiet or PROGRESS in sys.modules:  # loading it is slow
+        import_module(PROGRESS).quiet(quiet)
 
 
 def _terminate(number: int, frame: Any) -> NoReturn:
@@ -117,12 +119,14 @@ def main() -> None:
 def _code() -> int:
     """Run the command line and return its exit code."""
     try:
-        words = _quiet_first(sys.argv[1:])
+        words = [word for word in sys.argv[1:] if word not in QUIET]
         _refuse_empty(words)
-        command = get_command(app_for([w for w in words if w not in QUIET]))
+        if len(words) < len(sys.argv) - 1:  # before the command, wherever it was typed
+            sys.argv[1:] = ["--quiet", *words]
+        command = get_command(app_for(words))
         spare(command)
         # typer returns an Exit as a number
-        code = command(words, prog_name="desat", standalone_mode=False)
+        code = command(prog_name="desat", standalone_mode=False)
         sys.stdout.flush()
         return code if isinstance(code, int) else Exit.COMPLETED
     except DesatError as error:
@@ -175,13 +179,6 @@ def _say_bug(error: Exception) -> int:
 
 
 QUIET = ("--quiet", "-q")
-
-
-def _quiet_first(words: list[str]) -> list[str]:
-    """Return the words with `--quiet` before the command, wherever it was typed."""
-    if not any(word in QUIET for word in words):
-        return words
-    return ["--quiet", *(word for word in words if word not in QUIET)]
 
 
 def _refuse_empty(words: Sequence[str]) -> None:

@@ -16,18 +16,16 @@ from numpy.typing import NDArray
 
 from ..system.typed import JsonObject
 from ..system.wheels import axes_of, existing
+from .style import COLOURS, LIMIT
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Any]
 
-AXES = ("#d1495b", "#2e8b57", "#0b62a4")  # colours of the body axes x, y, z
-BODY, PLATE, WHEEL, COIL, NOZZLE = (
-    "#8b98a8",
-    "#5b7f95",
-    "#0b62a4",
-    "#e08e0b",
-    "#b22222",
-)
+AXES = (COLOURS[1], COLOURS[2], COLOURS[0])  # of the body axes x, y, z
+BODY, PLATE = "#8b98a8", "#5b7f95"
+WHEEL, COIL, NOZZLE = COLOURS[0], COLOURS[4], LIMIT
+# of the directions in the view of orbit and attitude
+DIRECTIONS = {"b": COLOURS[2], "sun": COLOURS[4], "h": COLOURS[0], "orbit": BODY}
 # sizes relative to the longest side
 DISC, OFFSET, ROD, PLUME, AXIS = 0.13, 0.24, 0.42, 0.22, 0.95
 SIDES = 20  # of the polygon that stands for a circle

@@ -289,8 +289,10 @@ class Builder:
         if part.interface is None:
             return
         origins = dict(part.origins)
-        set_here = {base_name(v.name) for v in layer.values if v.owner == part.name}
-        dropped = [n for n in _keep_alike(part, before) if base_name(n) not in set_here]
+        dropped = _keep_alike(part, before)
+        if layer.of_options and dropped:  # what an option sets is not lost
+            options = {v.name for v in layer.values if v.owner == part.name}
+            dropped = [name for name in dropped if name not in options]
         if layer.of_options and dropped:
             self.warnings.append(
                 f"{part.name}: {place.label} does not take {', '.join(dropped)} of the FMU that it "

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..analyses.manifest import Manifest
 from ..engine.recording.results import Results
-from ..figures.craft import pieces
+from ..figures.craft import DIRECTIONS, pieces
 from ..runs.drawings import components_by_role
 from ..system.typed import JsonObject
 from ..system.wheels import axes_of
@@ -100,6 +100,7 @@ def view(
         "first": float(times[0]),
         "step": float(times[1] - times[0]),
         "series": {name: _packed(s) for name, s in shown.items()},
+        "colours": DIRECTIONS,
         "craft": [
             p.to_json()
             for p in pieces(

@@ -178,12 +178,12 @@ def _in_order(elements: list[tuple[int, Signal]]) -> bool:
     )
 
 
-@lru_cache(maxsize=1 << 16)
 def is_mean(name: str) -> bool:
     """Return whether a series holds means or slopes over each step."""
     return "_mean_" in name or "_slope_" in name
 
 
+@lru_cache(maxsize=1 << 16)
 def base_name(name: str) -> str:
     """Return the name of the array of an element: `b_eci` for `b_eci[2]`.
 

@@ -16,7 +16,6 @@ function makeScene(root, seek) {
   const EARTH_RADIUS = 6378.137, SUN_RADIUS = 695700, AU = 149597870.7; // km
   const MU = { Earth: 398600.4418, Sun: 1.32712440018e11 }; // km3/s2
   const FARTHEST = 1e6; // km: positions beyond are from the Sun
-  const GREEN = "#2e8b57", YELLOW = "#e08e0b", BLUE = "#0b62a4", GREY = "#8b98a8";
   let data = null, series = {}, row = 0, playing = 0, seenBefore = false;
 
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -120,10 +119,10 @@ function makeScene(root, seek) {
       if (length(u)) arrow(ctx, at, plus([...at, 0], [46 * dot(u, right), -46 * dot(u, up), 0])
         .slice(0, 2), hue, label);
     };
-    if (series.b) along(vector("b", row), GREEN, "B");
-    if (series.sun && data.centre === "Earth") along(sun, YELLOW, "Sun");
+    if (series.b) along(vector("b", row), data.colours.b, "B");
+    if (series.sun && data.centre === "Earth") along(sun, data.colours.sun, "Sun");
     const h = momentum();
-    if (h) along(h, BLUE, "h");
+    if (h) along(h, data.colours.h, "h");
     ctx.fillStyle = css("--ink");
     ctx.beginPath();
     ctx.arc(...at, 4, 0, 2 * Math.PI);
@@ -226,13 +225,13 @@ function makeScene(root, seek) {
       if (length(u)) arrow(ctx, [0, 0], flat(times(seen(u), share * reach)), hue, label, 2.4);
     };
     if (data.orbit) {
-      draw(times(vector("r", row), -1), GREY, data.centre, 0.86);
-      draw(axes[0], GREY, "ahead", 0.72);
+      draw(times(vector("r", row), -1), data.colours.orbit, data.centre, 0.86);
+      draw(axes[0], data.colours.orbit, "ahead", 0.72);
     }
-    if (series.b) draw(vector("b", row), GREEN, "B", 0.86);
-    if (series.sun) draw(vector("sun", row), YELLOW, "Sun", 0.86);
+    if (series.b) draw(vector("b", row), data.colours.b, "B", 0.86);
+    if (series.sun) draw(vector("sun", row), data.colours.sun, "Sun", 0.86);
     const h = momentum();
-    if (h) draw(h, BLUE, "h", Math.max(0.15, 0.86 * length(h) / data.largest));
+    if (h) draw(h, data.colours.h, "h", Math.max(0.15, 0.86 * length(h) / data.largest));
   }
 
   function say() {

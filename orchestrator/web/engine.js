@@ -202,7 +202,8 @@ class Flight {
         return sum;
       });
     }
-    return { count, first: this.told.start, step: stride * this.told.step, series: found, craft: view.craft };
+    return { count, first: this.told.start, step: stride * this.told.step, series: found, craft: view.craft,
+      colours: view.colours };
   }
 
   times(count) {

@@ -23,6 +23,7 @@ from markupsafe import Markup
 
 from ..analyses import management
 from ..export.loop_fmu import LoopEnds, LoopSource, written_out
+from ..figures.craft import DIRECTIONS
 from ..figures.plots import elements_of
 from ..figures.style import COLOURS, LIMIT, time_axis
 from ..files import io
@@ -702,6 +703,7 @@ def _view(system: System) -> JsonObject:
     return {
         "series": _view_sources(system),
         "axes": axes,
+        "colours": DIRECTIONS,
         "craft": [p.to_json() for p in craft_of_system(system)],
     }
 
