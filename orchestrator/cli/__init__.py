@@ -119,10 +119,8 @@ def main() -> None:
 def _code() -> int:
     """Run the command line and return its exit code."""
     try:
-        words = [word for word in sys.argv[1:] if word not in QUIET]
+        words = _quiet_first()
         _refuse_empty(words)
-        if len(words) < len(sys.argv) - 1:  # before the command, wherever it was typed
-            sys.argv[1:] = ["--quiet", *words]
         command = get_command(app_for(words))
         spare(command)
         # typer returns an Exit as a number
@@ -144,13 +142,7 @@ def _code() -> int:
         _drop_output()
         return Exit.SPACE
     except ModuleNotFoundError as error:
-        if (extra := EXTRAS.get(str(error.name).partition(".")[0])) is None:
-            return _say_bug(error)
-        _say(
-            f"this needs the package {error.name}, which is not installed: "
-            f"`pip install 'desat[{extra}]'`"
-        )
-        return Exit.INPUT
+        return _say_absent(error)
     except Exception as error:
         if hasattr(error, "format_message"):  # click's own messages
             _say_usage(error)
@@ -168,6 +160,25 @@ EXTRAS = {
     "distributed": "cluster",
     "SALib": "cluster",
 }
+
+
+def _say_absent(error: ModuleNotFoundError) -> int:
+    """Print which extra brings a package that is absent; return the exit code."""
+    if (extra := EXTRAS.get(str(error.name).partition(".")[0])) is None:
+        return _say_bug(error)
+    _say(
+        f"this needs the package {error.name}, which is not installed: "
+        f"`pip install 'desat[{extra}]'`"
+    )
+    return Exit.INPUT
+
+
+def _quiet_first() -> list[str]:
+    """Move `--quiet` before the command in sys.argv; return the other words."""
+    words = [word for word in sys.argv[1:] if word not in QUIET]
+    if len(words) < len(sys.argv) - 1:
+        sys.argv[1:] = ["--quiet", *words]
+    return words
 
 
 def _say_bug(error: Exception) -> int:
