@@ -244,6 +244,24 @@ def test_what_a_craft_orbits(browser, page, r, centre):
     tab.close()
 
 
+def test_without_a_sun_nothing_is_said_of_light(browser, page):
+    """An environment that has none gives no light at all, which is no shadow."""
+    tab = browser.new_page()
+    tab.goto(page.as_uri())
+    series = {
+        "q": np.tile([0.0, 0.0, 0.0, 1.0], (50, 1)),
+        "light": np.zeros(50),
+        "sun": np.zeros((50, 3)),
+    }
+    for sun, text in ((0.0, ""), (1.0, "in shadow")):
+        series["sun"][:, 0] = sun
+        seen = view(np.arange(50.0), series, {})
+        tab.evaluate("(seen) => desatScene.show(seen)", seen)
+        said = tab.locator("#scene output").inner_text()
+        assert (text in said) if text else ("in " not in said)
+    tab.close()
+
+
 def test_without_an_attitude_there_is_no_view():
     assert view(np.arange(5.0), {"r": np.ones((5, 3))}, {}) is None
     assert view(np.arange(1.0), {"q": np.ones((1, 4))}, {}) is None

@@ -244,7 +244,7 @@ function makeScene(root, seek) {
       parts.push(data.centre === "Earth" ? `altitude ${text(r - data.radius, 1)} km`
         : `${text(r / AU, 1e-3)} au from the Sun`);
     }
-    if (series.light) parts.push(series.light[row] > 0.5 ? "in sunlight"
+    if (series.light && series.sun) parts.push(series.light[row] > 0.5 ? "in sunlight"
       : series.light[row] > 0.01 ? "in penumbra" : "in shadow");
     const h = momentum();
     if (h) {
