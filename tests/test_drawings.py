@@ -257,8 +257,8 @@ def test_without_a_sun_nothing_is_said_of_light(browser, page):
         series["sun"][:, 0] = sun
         seen = view(np.arange(50.0), series, {})
         tab.evaluate("(seen) => desatScene.show(seen)", seen)
-        said = tab.locator("#scene output").inner_text()
-        assert (text in said) if text else ("in " not in said)
+        line = tab.locator("#scene output").inner_text()
+        assert (text in line) if text else ("in " not in line)
     tab.close()
 
 
