@@ -144,7 +144,7 @@ def export(
 
     Returns
     -------
-    Made
+    WrittenPage
         Path, digest, sliders and notes of the page.
 
     Raises
