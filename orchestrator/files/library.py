@@ -363,13 +363,14 @@ def load(path: Path) -> FmuFile:
 
 
 def unpack(system: System) -> None:
-    """Extract the FMUs of a system.
+    """Extract the FMUs of a system and read their descriptions.
 
-    A process forked from this one would not clean up after itself.
+    A process forked from this one would not clean up after itself, and each would read
+    them anew.
     """
     for component in system.components.values():
         if component.fmu is not None:
-            _ = component.fmu.folder
+            _ = component.fmu.folder, component.fmu.description
 
 
 def computes(name: str, fmu: Fmu | None) -> str:

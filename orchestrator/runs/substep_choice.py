@@ -34,6 +34,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import astuple, dataclass, replace
 from functools import partial
 from itertools import pairwise
@@ -52,6 +53,7 @@ from ..engine.ending import NEVER
 from ..engine.instances.base import ComponentError
 from ..engine.loop import stepping
 from ..engine.master import Master
+from ..engine.recording.recorder import Recorder
 from ..engine.recording.results import Results
 from ..files import library
 from ..numbers.derived import pointing
@@ -207,6 +209,7 @@ def _apart(system: System, options: Options, flying: Callable[[], T]) -> T:
     """
     if not (options.supervised and CAN):
         return flying()
+    library.unpack(_on_natives(system))
     order = schedule(replace(system, substeps=1), options.breaks_loops).order
     return apart(flying, order, options.call_limit)
 
@@ -249,34 +252,69 @@ def choose_again(
         for k in _crossings(h, choice.steps, choice.crossed)
         if is_loose and k < len(found.times)
     ]
-    for k, text, steps in looks:
-        k = max(0, k - 2)
-        state = [results.values(name)[k] for name in parts.series[:3]]
-        at = _from(system, float(found.times[k]), state)
-        if steps == CROSSING:  # its error is at its largest there, and then decays
-            at = replace(at, stop=min(at.stop, at.start + CROSSING * at.step))
-        flying = partial(_choice_there, target, at, options, more.substeps, steps)
+    looks_there = [
+        (_there(system, parts.series, results, found, k, steps), text, steps)
+        for k, text, steps in looks
+    ]
+    if looks_there:
+        flying = partial(_look_again, target, options, more, looks_there)
+        with suppress(ComponentError):  # where the flights have ended their process
+            more = _apart(system, options, flying)
+    if more == choice:
+        return None
+    reached = tuple(map(max, more.reached or choice.reached, found.largest()))
+    return replace(more, reached=reached)  # type: ignore[arg-type]
+
+
+def _look_again(
+    target: str,
+    options: Options,
+    choice: SubstepChoice,
+    looks: Sequence[tuple[System, str, int]],
+) -> SubstepChoice:
+    """Return the choice after flights of systems that begin within the run.
+
+    `looks` has the systems, a text for each and the steps of its flights. One whose
+    components fail in a flight is left out.
+    """
+    for system, text, steps in looks:
         try:
-            there = _apart(system, options, flying)
+            there = _choice_there(target, system, options, choice.substeps, steps)
         except ComponentError:
             continue
         # scale the earlier estimate to this count by the second power, to be safe
-        share = (more.estimate or 0.0) * (more.substeps / there.substeps) ** 2
-        share = max(share, there.estimate or 0.0)
-        again = (
-            [*choice.again, text] if there.substeps > choice.substeps else more.again
-        )
-        seen = tuple(map(max, more.reached or choice.reached, found.largest()))
-        more = replace(
-            more,
+        share = (choice.estimate or 0.0) * (choice.substeps / there.substeps) ** 2
+        again = list(choice.again)
+        if there.substeps > choice.substeps:
+            again.append(text)
+        choice = replace(
+            choice,
             substeps=there.substeps,
-            estimate=share,
+            estimate=max(share, there.estimate or 0.0),
             again=again,
-            reached=seen,  # type: ignore[arg-type]
-            flown=more.flown + there.flown,
-            seconds=more.seconds + there.seconds,
+            flown=choice.flown + there.flown,
+            seconds=choice.seconds + there.seconds,
         )
-    return None if more is choice else more
+    return choice
+
+
+def _there(
+    system: System,
+    series: Sequence[str],
+    results: Results,
+    found: Reached,
+    row: int,
+    steps: int,
+) -> System:
+    """Return the system as it begins two steps before a row of a run."""
+    k = max(0, row - 2)
+    state = [results.values(name)[k] for name in series[:3]]
+    there = _from(system, float(found.times[k]), state)
+    if steps == CROSSING:  # its error is at its largest there, and then decays
+        there = replace(
+            there, stop=min(there.stop, there.start + CROSSING * there.step)
+        )
+    return there
 
 
 def switches(system: System, results: Results) -> dict[str, int]:
@@ -612,25 +650,16 @@ class _Flights:
         )
         with master:
             master.initialise()
-            index = [
-                slot.index
-                for name in self._series
-                for slot in master.slots
-                if f"{slot.component}.{slot.signal.series}" == name
-            ]
-            loop, live = (
-                stepping(master, None, NEVER, self._options.loop),
-                master.live["Real"],
-            )
-            rows = np.empty((steps + 1, len(index)))
-            rows[0] = live[index]
-            while (k := master.k) < steps:
-                loop.some(1)
-                if master.k > k:
-                    rows[master.k] = live[index]
+            recorder = Recorder(None, master, self._series)
+            if self._options.algorithm == "jacobi":
+                recorder.record(0, master.live)
+            loop = stepping(master, recorder, NEVER, self._options.loop)
+            while master.k < steps:
+                loop.some(steps - master.k)
             master.terminate()
+            results = recorder.finish(master)
         times = system.start + system.step * np.arange(steps + 1)
-        return _Flight(times, *np.split(rows, [4, 7, 11], axis=1))
+        return _Flight(times, *(results.values(name) for name in self._series))
 
     def _estimate(self, coarse: _Flight, fine: _Flight) -> tuple[float, Array]:
         """Estimate a flight's error (rad) at the run's end, by one with more substeps.

@@ -34,6 +34,7 @@ UNITS: tuple[Vec3, Vec3, Vec3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1
 Samples = tuple[list[float], dict[str, Array]]  # times (s), and inputs by name
 OTHER: Vec3 = (0.6, -0.3, 0.8)  # N m s: momentum at which an affine law is tested
 STEP = 10.0  # s: samples of a slow law that are closer are combined
+OTHERS_STEP = 40.0  # s: the same for laws that are compared with the craft's own
 SLOW = 0.1  # maximum share of the momentum removed between two samples of the model
 
 

@@ -19,7 +19,7 @@ from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
 from .compatibility import Terms, fitting, prepare_with
-from .law import STEP, Law, UnsuitedError, hold_of, law_of
+from .law import OTHERS_STEP, STEP, Law, UnsuitedError, hold_of, law_of
 from .model import Course, fly, track_of, useful
 from .momentum import smallest_wheel_capacity
 from .requirements import SizingRequirements
@@ -149,8 +149,11 @@ def curve_of(
     hardware: Hardware,
     least: float,
     requirements: SizingRequirements,
+    longest: float,
 ) -> tuple[tuple[SizingPoint, ...], float | None]:
     """Compute the momentum and duty of a law over sizes of rods.
+
+    Samples of the law are combined up to `longest` (s).
 
     Returns
     -------
@@ -168,7 +171,7 @@ def curve_of(
     grid = rod_grid(least, requirements, hardware)
     sizes = [hardware.m_limit] if hardware.m_limit else []
     rods = np.array([*grid, *(k * least for k in CURVE_MULTIPLES), *sizes])
-    course = fly_rods(flight, law, hardware, rods)
+    course = fly_rods(flight, law, hardware, rods, longest)
     is_enough = meets(course, hardware, requirements)[: len(grid)]
     smallest = find_smallest(grid, is_enough)
     rows = [*range(len(grid), len(rods))]
@@ -218,8 +221,11 @@ def compute_curves(
     best: tuple[Best, ...] = ()
     for law in laws:
         progress(f"the model of {law.name}")
+        longest = STEP if law is laws[0] else OTHERS_STEP
         try:
-            more, recommended = curve_of(flight, law, hardware, least, requirements)
+            more, recommended = curve_of(
+                flight, law, hardware, least, requirements, longest
+            )
         except UnsuitedError as error:
             notes.append(f"{law.name}: closed loop only; {error}")
             continue
@@ -277,7 +283,11 @@ def find_rod_for_worst(
     def fly_with(size: float) -> tuple[Manifest, Flight | None]:
         """Fly the scenario with rods of a size (A m2)."""
         progress(f"{WORST} with rods of {size:.4g} A m2")
-        run = _with_rods(source, options, size, more=series_of_numbers)
+        flown = next(iter(known.values()), None)
+        with_substeps = options
+        if flown is not None:
+            with_substeps = replace(options, substeps=flown[0].substeps)
+        run = _with_rods(source, with_substeps, size, more=series_of_numbers)
         with run.results as results:
             try:
                 found = flight_of(prepare(source, options).or_raise()[0], results)

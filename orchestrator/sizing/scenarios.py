@@ -146,7 +146,20 @@ def fly_case(case: Case, system: System) -> Flight:
     DesatError
         If the run does not complete.
     """
+    return fly_and_settle(case, system)[0]
+
+
+def fly_and_settle(case: Case, system: System) -> tuple[Flight, int]:
+    """Fly a prepared case and return its flight and the substeps that it took.
+
+    Runs of the same case with other rods take the same number.
+
+    Raises
+    ------
+    DesatError
+        If the run does not complete.
+    """
     recording = replace(case.options, record=series_for(system), every=1)
     run = simulate(replace(case, options=recording)).or_raise(case.target)
     with run.results as results:
-        return flight_of(system, results)
+        return flight_of(system, results), run.manifest.substeps

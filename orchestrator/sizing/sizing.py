@@ -30,7 +30,7 @@ from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
 from .compatibility import terms_of
-from .law import STEP, Law, UnsuitedError, law_of
+from .law import OTHERS_STEP, STEP, Law, UnsuitedError, law_of
 from .least_rod import compute_geometry, least_by_formula, least_by_programme, reach
 from .momentum import (
     compute_slew,
@@ -59,13 +59,10 @@ from .scenarios import (
     doubts,
     find_tip_off,
     find_worst_scenario,
-    fly_case,
+    fly_and_settle,
 )
 from .year import WorstDay, YearDate, days_of_year, find_worst_day
 
-OTHERS_STEP = (
-    40.0  # s: samples of other laws on the worst day are combined up to this time
-)
 SMALLEST_TORQUE = 1e-300  # N m per A m2: replaces 0 so that no division by zero occurs
 
 
@@ -97,7 +94,7 @@ def size(
     system, _ = case.or_raise()
     hardware = hardware_of(system)
     progress("the run at the wanted attitude")
-    flight = fly_case(case, system)
+    flight, substeps = fly_and_settle(case, system)
     notes = [*doubts(system), *closed_loop_only(system, options)]
     own_law = _own_law(system, notes)
     torque, cyclic = secular(flight)
@@ -131,7 +128,14 @@ def size(
         )
     if requirements.flown and 0.0 < least < inf:
         curve = add_closed_loop(
-            curve, recommended, source, options, system, own_law, least, progress
+            curve,
+            recommended,
+            source,
+            replace(options, substeps=substeps),
+            system,
+            own_law,
+            least,
+            progress,
         )
     needed, time_without = compute_wheel_needs(
         flight, hardware, torque, cyclic, _bias(system)

@@ -10,7 +10,6 @@ import ctypes
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -19,7 +18,6 @@ from fmpy.fmi1 import FMICallException
 
 from desat.components.contract.block import Scalar
 
-from ...files.fmu import description_of
 from ...system.errors import DesatError, plain
 from ...system.interface import MOVED_KINDS, Kind, Signal
 from ...system.model import Component, Fmu
@@ -35,8 +33,8 @@ _UNSIGNED = 1 << 32
 class _Library:
     """Loaded library of an FMU, shared by all its instances in this process."""
 
-    def __init__(self, folder: Path, ours: bool, functions: type[FmiFunctions]) -> None:
-        description = description_of(folder)
+    def __init__(self, fmu: Fmu, ours: bool, functions: type[FmiFunctions]) -> None:
+        folder, description = fmu.folder, fmu.description
         self.once = description.coSimulation.canBeInstantiatedOnlyOncePerProcess
         self.instances = 0
         try:
@@ -74,10 +72,16 @@ class _Library:
             atexit.register(finalise)
 
 
-@cache
-def _library(folder: Path, ours: bool, fmi: str) -> _Library:
-    """Load the library of an extracted FMU, once per process."""
-    return _Library(folder, ours, FMI_VERSIONS[fmi])
+_LIBRARIES: dict[tuple[Path, bool, str], _Library] = {}
+
+
+def _library(fmu: Fmu, ours: bool) -> _Library:
+    """Load the library of an FMU, once per process and folder."""
+    fmi = fmu.interface.fmi
+    key = fmu.folder, ours, fmi
+    if key not in _LIBRARIES:
+        _LIBRARIES[key] = _Library(fmu, ours, FMI_VERSIONS[fmi])
+    return _LIBRARIES[key]
 
 
 class Moves(NamedTuple):
@@ -117,7 +121,7 @@ class FmuInstance:
         self.messages: list[str] = []  # logged messages whose status is not ok
         self.counts: dict[str, int] = {}  # how often each was logged
         self.foreign, self._process = not fmu.interface.role, os.getpid()
-        self._library = _library(fmu.folder, not self.foreign, fmu.interface.fmi)
+        self._library = _library(fmu, not self.foreign)
         if self._library.once and self._library.instances:
             raise DesatError(
                 f"{self.name}: {fmu.path.name} allows one instance per process"
