@@ -641,6 +641,16 @@ def test_the_fastest_passage_of_each_wheel_through_zero_is_looked_at():
     assert substep_choice._crossings(h, 18) == []
 
 
+def test_the_first_of_the_strongest_pulses_is_looked_at():
+    impulse = np.zeros((20, 3))
+    impulse[5:] += [0.1, 0.0, 0.0]
+    impulse[9:] += [0.0, 0.8, 0.0]
+    impulse[12:] += [0.0, 0.0, 1.0]
+    assert substep_choice._pulses(impulse, 0) == [8]
+    assert substep_choice._pulses(impulse, 10) == [11]
+    assert substep_choice._pulses(impulse, 19) == []
+
+
 def test_a_raised_estimate_needs_no_second_flight_below_the_accuracy():
     seen = (0.1, 1e-3, 1e-4)
     choice = substep_choice.SubstepChoice(1, 1e-5, 1e-7, reached=seen)

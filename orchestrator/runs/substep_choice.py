@@ -19,11 +19,12 @@ substeps, the run is repeated from its start.
 
 An accuracy from `LOOSE` on takes shorter ways. One substep is chosen by a short flight
 with one and two, where its error is far below the accuracy, or by a longer one, where
-it is below the accuracy. A run that leaves the range
-of its flights has its estimate raised in proportion, as long as that stays below the
-accuracy. The fastest passage of each wheel through zero is flown again, as friction
-makes an error of the first power there. If no count suffices, the run is made with
-`FALLBACK` substeps and states its error.
+it is below the accuracy. A run that leaves the range of its flights has its estimate
+raised in proportion, as long as that stays below the accuracy and there are no
+thrusters, whose pulses end inside a step. The fastest passage of each wheel through
+zero is flown again, as friction makes an error of the first power there, and so is a
+strong pulse of thrusters. If no count suffices, the run is made with `FALLBACK`
+substeps and states its error.
 
 The cases of a campaign begin with one choice for all (`choose_for_cases`).
 
@@ -242,22 +243,30 @@ def choose_again(
     if found is None:
         return None
     beyond = _beyond(found, choice.reached)
-    is_loose = system.accuracy >= LOOSE
-    grown = _grown(choice, found) if beyond and is_loose else None
+    is_loose, fires = system.accuracy >= LOOSE, "thrusters" in system.roles
+    grown = _grown(choice, found) if beyond and is_loose and not fires else None
     more = choice if grown is None else grown
-    h = results.values(parts.series[2])
     looks = [(k, text, LOOK) for k, text in beyond] if grown is None else []
-    looks += [
-        (k, f"at t = {found.times[k]:g} s a wheel passes zero", CROSSING)
-        for k in _crossings(h, choice.steps, choice.crossed)
-        if is_loose and k < len(found.times)
-    ]
+    if is_loose:
+        h, impulse = (results.values(name) for name in parts.series[2:4])
+        crossings = _crossings(h, choice.steps, choice.crossed)
+        pulses = _pulses(impulse, choice.steps) if fires else []
+        looks += [
+            (k, f"at t = {found.times[k]:g} s {text}", CROSSING)
+            for k, text in (
+                *((k, "a wheel passes zero") for k in crossings),
+                *((k, "a thruster fires") for k in pulses),
+            )
+            if k < len(found.times)
+        ]
+    # The second power, not the third, to be safe; the first where pulses end in a step.
+    power = 1 if fires else 2
     looks_there = [
         (_there(system, parts.series, results, found, k, steps), text, steps)
         for k, text, steps in looks
     ]
     if looks_there:
-        flying = partial(_look_again, target, options, more, looks_there)
+        flying = partial(_look_again, target, options, more, looks_there, power)
         with suppress(ComponentError):  # where the flights have ended their process
             more = _apart(system, options, flying)
     if more == choice:
@@ -271,19 +280,20 @@ def _look_again(
     options: Options,
     choice: SubstepChoice,
     looks: Sequence[tuple[System, str, int]],
+    power: int,
 ) -> SubstepChoice:
     """Return the choice after flights of systems that begin within the run.
 
     `looks` has the systems, a text for each and the steps of its flights. One whose
-    components fail in a flight is left out.
+    components fail in a flight is left out. The error of the choice is taken to fall
+    with this power of the substeps.
     """
     for system, text, steps in looks:
         try:
             there = _choice_there(target, system, options, choice.substeps, steps)
         except ComponentError:
             continue
-        # scale the earlier estimate to this count by the second power, to be safe
-        share = (choice.estimate or 0.0) * (choice.substeps / there.substeps) ** 2
+        share = (choice.estimate or 0.0) * (choice.substeps / there.substeps) ** power
         again = list(choice.again)
         if there.substeps > choice.substeps:
             again.append(text)
@@ -422,6 +432,18 @@ def _crossings(h: Array, after: int, seen: Sequence[float] = ()) -> list[int]:
         if change > GAIN * (seen[wheel] if wheel < len(seen) else 0.0):
             rows.append(after + row)
     return sorted(set(rows))
+
+
+def _pulses(impulse: Array, after: int) -> list[int]:
+    """Find the row, later than `after`, of the first of the strongest pulses.
+
+    `impulse` (n, 3) N m s is the external impulse until each row. The first one, because
+    a manager that starts there has no dump under way.
+    """
+    gained = np.linalg.norm(np.diff(impulse[after:], axis=0), axis=1)
+    if len(gained) == 0:
+        return []
+    return [after + int(np.argmax(gained > 0.5 * gained.max()))]
 
 
 def _fastest_crossings(h: Array) -> Iterator[tuple[int, float]]:
