@@ -283,11 +283,11 @@ def find_rod_for_worst(
     def fly_with(size: float) -> tuple[Manifest, Flight | None]:
         """Fly the scenario with rods of a size (A m2)."""
         progress(f"{WORST} with rods of {size:.4g} A m2")
-        flown = next(iter(known.values()), None)
-        with_substeps = options
-        if flown is not None:
-            with_substeps = replace(options, substeps=flown[0].substeps)
-        run = _with_rods(source, with_substeps, size, more=series_of_numbers)
+        settled = options
+        if known:  # the substeps of the first flight
+            first, _ = next(iter(known.values()))
+            settled = replace(options, substeps=first.substeps)
+        run = _with_rods(source, settled, size, more=series_of_numbers)
         with run.results as results:
             try:
                 found = flight_of(prepare(source, options).or_raise()[0], results)
