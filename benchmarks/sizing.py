@@ -57,7 +57,7 @@ from desat.sizing.requirements import SizingRequirements
 from desat.sizing.result import Sizing
 from desat.sizing.rods import SizingPoint, in_the_loop
 from desat.sizing.scenarios import WORST, fly_case
-from desat.studies import ranking
+from desat.studies import criteria, ranking
 from desat.system.options import Options
 
 Array = NDArray[Any]
@@ -764,8 +764,10 @@ def _page(
 
 def _law_by_law(laws: Sequence[ranking.Ranking]) -> Iterator[str]:
     """What `compare --laws all` says of the papers' crafts."""
-    names = [c.title for c in ranking.CRITERIA.values() if c.name in ranking.STANDARD]
-    units = [c.heading for c in ranking.CRITERIA.values() if c.name in ranking.STANDARD]
+    names = [c.title for c in criteria.CRITERIA.values() if c.name in criteria.STANDARD]
+    units = [
+        c.heading for c in criteria.CRITERIA.values() if c.name in criteria.STANDARD
+    ]
     yield _LAWS
     yield f"| scenario | law | {' | '.join(units)} | not dominated | requirements |"
     yield "|---" * (len(names) + 4) + "|"

@@ -370,13 +370,14 @@ def compare(
             raise DesatError(f"{names[0]}: campaigns are compared by `desat compare`")
         return study.side_by_side(names, options_given)
     from .studies import ranking
+    from .studies.criteria import criteria as criteria_of
 
     if len(names) != 1:
         raise DesatError(f"{' '.join(names)}: laws are flown on one craft")
     law_names = [laws] if isinstance(laws, str) else list(laws)
     own_laws = [x for x in law_names if x.endswith((".py", ".fmu"))]
     known = [x for x in law_names if x not in own_laws]
-    criteria = ranking.criteria(by) if by is not None else ()
+    criteria = criteria_of(by) if by is not None else ()
     return ranking.choose(names[0], options_given, criteria, known, own_laws)
 
 

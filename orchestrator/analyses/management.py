@@ -363,7 +363,8 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
         zip(OF_MOMENTUM, of_momentum(times, h, axes, np.linalg.pinv(axes)), strict=True)
     )
     if parts.torquers:
-        known |= _of_their_coils(parts.torquers, manifest, results)
+        dipoles = results.values(f"{parts.torquers}.m_mean_body")
+        known |= coils_of(parts.torquers, manifest, dipoles)
     if parts.wheels:
         values = manifest.values_of(parts.wheels)
         if "inertia_wheel" in values and "speed_limit" in values and there.any():
@@ -379,15 +380,13 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     return with_titles({n: (TITLES[n][0], x, TITLES[n][1]) for n, x in known.items()})
 
 
-def _of_their_coils(
-    torquers: str, manifest: Manifest, results: Results
-) -> dict[str, float]:
-    """Compute the numbers of a run's coils.
+def coils_of(torquers: str, manifest: Manifest, m: Array) -> dict[str, float]:
+    """Compute the numbers of the coils from their mean dipole m (rows, 3) A m2, body.
 
-    The result is empty where the coils have no limit, or less than a period was
-    recorded.
+    The result is empty where the coils have no limit, or there are fewer rows than a
+    period has.
     """
-    m, coils = results.values(f"{torquers}.m_mean_body"), manifest.values_of(torquers)
+    coils = manifest.values_of(torquers)
     if (most := most_of_coils(coils)) is None:
         return {}
     axes = np.reshape(coils["axes_coil"], (3, -1))
@@ -832,6 +831,36 @@ def of_coils(m: Array, inverse: Array, most: float, period: int) -> tuple[float,
     coils = coils.reshape(-1, period, coils.shape[1]).mean(axis=1)
     at_limit = (coils >= AT_LIMIT * most).any(axis=1)
     return 100.0 * float(coils.mean()) / most, 100.0 * float(at_limit.mean())
+
+
+def fill(manifest: Manifest, results: Results) -> Array | None:
+    """Compute the momentum of the fullest wheel as a share of its capacity (rows,), %.
+
+    None where the wheels' capacity is not known, or their momentum not recorded.
+    """
+    parts: ManagementParts | None = manifest.parts.get(KEY)
+    if parts is None or not parts.wheels or missing(signals(parts)[:1], results):
+        return None
+    wheels = _wheels_of(manifest, parts)
+    there = existing(wheels)
+    if not there.any() or not {"inertia_wheel", "speed_limit"} <= wheels.keys():
+        return None
+    h = np.abs(results.values(signals(parts)[0])[:, there])
+    return np.asarray(100.0 * (h / capacities(wheels)[there]).max(axis=1))
+
+
+def stored(manifest: Manifest, results: Results) -> Array | None:
+    """Compute the total momentum of the wheels (rows, 3) N m s, body.
+
+    None where it is not recorded.
+    """
+    parts: ManagementParts | None = manifest.parts.get(KEY)
+    if parts is None or missing(signals(parts)[:1], results):
+        return None
+    wheels = _wheels_of(manifest, parts)
+    there = existing(wheels)
+    h = results.values(signals(parts)[0])[:, there]
+    return np.asarray(h @ axes_of(wheels)[:, there].T)
 
 
 def margin(h: Array, capacity: Array) -> float:

@@ -181,13 +181,17 @@ class One:
     def __init__(self, *known: Target) -> None:
         self._known = {source.text: source for source in known}
 
+    def source(self, target: str) -> Target:
+        """Return the source of a target."""
+        if target not in self._known:
+            self._known[target] = read(target)
+        return self._known[target]
+
     def __call__(
         self, target: str, options: Options, seed: int, draw: int | None
     ) -> RunRow:
         """Run a draw of a target (`one`)."""
-        if target not in self._known:
-            self._known[target] = read(target)
-        return one(self._known[target], options, seed, draw)
+        return one(self.source(target), options, seed, draw)
 
 
 def one(source: Target, options: Options, seed: int, draw: int | None) -> RunRow:
@@ -311,14 +315,16 @@ def needed_signals(content: Content) -> list[str]:
 
 
 def rows_of(
-    tasks: Sequence[tuple[str, Options, int, int | None]],
+    tasks: Sequence[tuple[Any, ...]],
     jobs: int,
     title: str,
     progress: bool,
     *known: Target,
+    runner: type[One] = One,
 ) -> list[RunRow]:
-    """Run all tasks (`one`) over `jobs` processes, and return their rows.
+    """Run all tasks over `jobs` processes, and return their rows.
 
+    A task has the arguments of the runner: target, options, seed and draw for `one`.
     The sources in `known` are not read again. A run whose process dies is repeated in a
     supervised process, which can report the reason. With one job, which is this
     process, every run is supervised.
@@ -334,11 +340,9 @@ def rows_of(
         return [(key, (target, replace(options, supervised=True), *rest))]
 
     if jobs == 1:
-        tasks = [
-            (t, replace(o, supervised=True), seed, draw) for t, o, seed, draw in tasks
-        ]
+        tasks = [(t, replace(o, supervised=True), *rest) for t, o, *rest in tasks]
     rows: dict[Any, RunRow] = {}
-    workers: Workers = Here(One(*known)) if jobs == 1 else Local(One(), jobs)
+    workers: Workers = Here(runner(*known)) if jobs == 1 else Local(runner(), jobs)
     with workers, shown(title, len(tasks), progress) as tell:
         for key, result in results(workers, iter(enumerate(tasks)), again):
             is_lost = isinstance(result, NoResult)

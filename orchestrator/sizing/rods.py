@@ -10,7 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..analyses.flight import Flight, Hardware, flight_of, hardware_of, series_for
+from ..analyses.flight import (
+    Flight,
+    Hardware,
+    attitude_of,
+    flight_of,
+    hardware_of,
+    series_for,
+)
 from ..analyses.manifest import Manifest
 from ..campaign.draws import series_of_numbers
 from ..runs.prepare import Target, prepare
@@ -20,11 +27,12 @@ from ..system.model import System
 from ..system.options import Options
 from .compatibility import Terms, fitting, prepare_with
 from .law import OTHERS_STEP, STEP, Law, UnsuitedError, hold_of, law_of
+from .least_rod import least_by_programme, reach
 from .model import Course, fly, track_of, useful
-from .momentum import smallest_wheel_capacity
+from .momentum import secular, smallest_wheel_capacity
 from .requirements import SizingRequirements
 from .scenarios import WORST
-from .year import WorstDay
+from .year import WorstDay, days_of_year, find_worst_day
 
 Array = NDArray[Any]
 CURVE_MULTIPLES = (0.8, 1.0, 1.15, 1.3, 1.6, 2.0, 3.0, 5.0, 8.0)
@@ -264,6 +272,53 @@ def find_rod_for_year(
     rods = np.maximum(grid, round_up(day))
     course = fly_rods(hardest.flight, law, hardware, rods, longest)
     return find_smallest(rods, meets(course, hardware, requirements))
+
+
+def find_rods_of_laws(
+    system: System,
+    flight: Flight,
+    laws: Sequence[Law],
+    requirements: SizingRequirements,
+) -> tuple[str, list[float | None]]:
+    """Return the smallest rods (A m2) of laws, on a flight and on the year's worst day.
+
+    Parameters
+    ----------
+    system, flight
+        The craft, and its flight at the wanted attitude.
+    laws
+        Laws of the model.
+    requirements
+        Conditions that the rods have to meet.
+
+    Returns
+    -------
+    day
+        Date of the worst day.
+    rods
+        Those of each law; None: none holds.
+
+    Raises
+    ------
+    DesatError
+        If the attitude moves, or the environment has no other days.
+    """
+    hardware = hardware_of(system)
+    attitude = attitude_of(system, flight.q, flight.r, flight.v)
+    torque, _ = secular(flight)
+    least = least_by_programme(reach(flight, hardware), torque)
+    hardest = find_worst_day(
+        system, hardware, attitude, list(days_of_year(system, hardware, attitude))
+    )
+    rods: list[float | None] = []
+    for law in laws:
+        grid = rod_grid(least, requirements, hardware)
+        course = fly_rods(flight, law, hardware, grid, OTHERS_STEP)
+        day = find_smallest(grid, meets(course, hardware, requirements))
+        rods.append(
+            find_rod_for_year(day, hardest, law, hardware, requirements, OTHERS_STEP)
+        )
+    return hardest.day, rods
 
 
 def find_rod_for_worst(

@@ -10,27 +10,27 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
 
+from desat.fmus.registry import block_class, names
+
 from ..analyses import analyses
-from ..analyses.flight import attitude_of, values_of
-from ..analyses.manifest import Manifest
+from ..analyses.flight import attitude_of, flight_of, series_for, values_of
 from ..analyses.motion import period_of
 from ..campaign.draws import series_of_numbers
-from ..engine.recording.results import Results
 from ..figures.canvas import Figure
 from ..figures.style import COLOURS, DASHED, figure
 from ..language.content import content_of
-from ..numbers.derived import pointing
 from ..numbers.text import number, spell_unit
-from ..report.table import Column, Table
+from ..report.table import Column, Table, or_not_reached
 from ..runs.prepare import Target, prepare, read
 from ..runs.run import Options, Run, simulate
 from ..sizing.compatibility import (
     ALL,
+    PLAINEST,
     ROLE,
     Fitting,
     Refused,
@@ -40,90 +40,32 @@ from ..sizing.compatibility import (
     prepare_with,
     terms_of,
 )
-from ..system.errors import DesatError, RunError, nearest
+from ..sizing.law import UnsuitedError, law_of
+from ..sizing.requirements import SizingRequirements
+from ..sizing.rods import find_rods_of_laws
+from ..system.errors import DesatError, RunError
 from ..system.model import System
 from ..system.typed import JsonObject
 from .compare import Comparison, of_runs, write
+from .criteria import (
+    AT_EASE,
+    CRITERIA,
+    DIPOLE,
+    ORBIT,
+    RECORDED,
+    STANDARD,
+    START,
+    TORQUE,
+    Criterion,
+    beats,
+    flown,
+    half_full,
+    level_of,
+    time_to_empty,
+)
 
 if TYPE_CHECKING:
     from pandas import DataFrame  # type: ignore[import-untyped]
-
-ORBIT = (
-    "environment.r_eci",
-    "environment.v_eci",
-    "environment.b_eci",
-    "spacecraft.q_bi",
-)
-REFERENCE = "guidance.q_ref_bi"
-DIPOLE, ENERGY = "torquers.m_mean_body", "torquers.electric_energy"
-TORQUE, FIRING = "thrusters.tau_mean_thruster_body", "thrusters.on_time"
-# Default criteria for the ranking, as far as they are known for the craft.
-STANDARD = ("peak", "duty", "energy", "pointing", "firing")
-
-
-class Criterion(NamedTuple):
-    """Criterion by which laws are ranked; a smaller value is better."""
-
-    name: str
-    title: str
-    unit: str
-    # value for a run; None: it is not known
-    of: Callable[[Manifest, Results], float | None]
-
-    @property
-    def heading(self) -> str:
-        """Return the title with unit, for a column or an axis."""
-        return f"{self.title} [{spell_unit(self.unit)}]"
-
-
-def _filled(manifest: Manifest, results: Results) -> float | None:
-    """Return the fill of the fullest wheel (%), or None if it is not known."""
-    margin = manifest.numbers.get("momentum_margin")
-    return None if margin is None or margin.value is None else 100.0 - margin.value
-
-
-def _stored_runs(manifest: Manifest, results: Results) -> float | None:
-    """Return the largest total wheel momentum (N m s), or None if it is not known."""
-    largest = manifest.numbers.get("sum_largest")
-    return None if largest is None else largest.value
-
-
-def _duty(manifest: Manifest, results: Results) -> float | None:
-    """Return the coil duty (%), or None if it is not known."""
-    duty = manifest.numbers.get("coil_duty")
-    return None if duty is None else duty.value
-
-
-def _pointing(manifest: Manifest, results: Results) -> float | None:
-    """Compute the rms pointing error (deg), or None without a reference."""
-    if REFERENCE not in results.names():
-        return None
-    q, reference = results.values(ORBIT[3]), results.values(REFERENCE)
-    n = min(len(q), len(reference))
-    return float(np.sqrt((pointing(q[:n], reference[:n]) ** 2).mean()))
-
-
-def _last(signal: str) -> Callable[[Manifest, Results], float | None]:
-    """Build the criterion that takes the last value of a series, or None without it."""
-
-    def of(manifest: Manifest, results: Results) -> float | None:
-        """Return the last value of the series, or None without it."""
-        return float(results.values(signal)[-1]) if signal in results.names() else None
-
-    return of
-
-
-CRITERIA = {
-    c.name: c
-    for c in (
-        Criterion("peak", "fill of the fullest wheel", "%", _filled),
-        Criterion("stored", "momentum of the wheels", "N.m.s", _stored_runs),
-        Criterion("duty", "coil duty", "%", _duty),
-        Criterion("energy", "coil energy", "J", _last(ENERGY)),
-        Criterion("pointing", "pointing error, rms", "deg", _pointing),
-        Criterion("firing", "firing time", "s", _last(FIRING)),
-    )
-}
 
 
 @dataclass(frozen=True)
@@ -131,7 +73,8 @@ class RankedLaw:
     """Law with its result in the ranking."""
 
     law: Fitting
-    values: tuple[float, ...]  # one per criterion; inf where it is not known
+    # one per criterion; NaN: not known, inf: not reached, as wheels that never empty
+    values: tuple[float, ...]
     front: bool  # whether no other law is as good in all criteria and better in one
     not_met: tuple[str, ...]
 
@@ -165,9 +108,25 @@ class Ranking:
     ranked: tuple[RankedLaw, ...]
     refused: tuple[Refused, ...]
     comparison: Comparison
+    notes: tuple[str, ...] = ()  # how the criteria were measured, a line each
 
     def __repr__(self) -> str:
         return f"<Ranking {self.answer}>"
+
+    @property
+    def plainest(self) -> RankedLaw | None:
+        """Return the plainest law where the choice does not matter, else None.
+
+        That is where all laws meet all requirements with three quarters of the wheels
+        free.
+        """
+        places = [k for k, c in enumerate(self.by) if c.name == "peak"]
+        if len(self.ranked) < 2 or not places:
+            return None
+        is_at_ease = all(
+            not e.not_met and e.values[places[0]] <= AT_EASE for e in self.ranked
+        )
+        return min(self.ranked, key=lambda e: plainness(e.law)) if is_at_ease else None
 
     @property
     def answer(self) -> str:
@@ -181,9 +140,16 @@ class Ranking:
         front = [e.name for e in self.ranked if e.front]
         more = f"; not dominated: {', '.join(front)}" if len(self.by) > 1 else ""
         more += ". One run each, gains by rule: `desat tune` may change the order"
-        return (
-            f"{self.target}: {best.name} has the least {c.title}, {number(best.values[0])} "
+        least = (
+            f"{best.name} has the least {c.title}, {number(best.values[0])} "
             f"{spell_unit(c.unit)}{more}."
+        )
+        if self.plainest is None:
+            return f"{self.target}: {least}"
+        return (
+            f"{self.target}: all {len(self.ranked)} laws meet every requirement and leave "
+            f"three quarters of the wheels free; the plainest is {self.plainest.name}. "
+            f"{least[0].upper()}{least[1:]}"
         )
 
     @property
@@ -206,10 +172,7 @@ class Ranking:
 
     def declined(self) -> list[tuple[str, str]]:
         """Return the managers that do not fit, grouped by reason, with the reason."""
-        reasons: dict[str, list[str]] = {}
-        for each in self.refused:
-            reasons.setdefault(each.why, []).append(each.name)
-        return [(", ".join(names), text) for text, names in reasons.items()]
+        return by_reason(self.refused)
 
     @property
     def table(self) -> Table:
@@ -223,7 +186,7 @@ class Ranking:
         rows = [
             (
                 entry.label,
-                *(x if np.isfinite(x) else None for x in entry.values),
+                *(None if np.isnan(x) else _or_never(x) for x in entry.values),
                 "yes" if entry.front else "",
                 "; ".join(entry.not_met) or "met",
             )
@@ -236,6 +199,8 @@ class Ranking:
         return {
             "target": self.target,
             "answer": self.answer,
+            "plainest": self.plainest and self.plainest.name,
+            "notes": list(self.notes),
             "by": [c.name for c in self.by],
             "laws": [
                 {
@@ -313,24 +278,6 @@ class Ranking:
         return fig
 
 
-def criteria(by: str) -> tuple[Criterion, ...]:
-    """Parse a list of criteria, as `peak,duty`.
-
-    Raises
-    ------
-    DesatError
-        If there is no such criterion.
-    """
-    names = [x.strip() for x in by.split(",") if x.strip()]
-    for name in names or [by]:
-        if name not in CRITERIA:
-            raise DesatError(
-                f"--by {by}: no {name or 'name'}{nearest(name, CRITERIA)}; there is "
-                f"{', '.join(CRITERIA)}"
-            )
-    return tuple(CRITERIA[name] for name in dict.fromkeys(names))
-
-
 def choose(
     target: str,
     options: Options,
@@ -372,31 +319,155 @@ def choose(
             for x in run.manifest.warnings
             if x not in warnings and not _of_the_other(x)
         ]
-    known = [
-        c
+    measured = _Measured(source, compared, runs, progress)
+    columns = {
+        c.name: measured.column(c)
         for c in criteria or map(CRITERIA.__getitem__, STANDARD)
-        if any(c.of(run.manifest, run.results) is not None for run in runs)
-    ]
-    for c in criteria or known:
-        if c not in known:
+    }
+    for name, column in columns.items():
+        if criteria and np.isnan(column).all():
             raise DesatError(
-                f"{target}: --by {c.name}: the {c.title} is not available for it"
+                f"{target}: --by {name}: the {CRITERIA[name].title} is not available for it"
             )
-    rows = [tuple(c.of(run.manifest, run.results) for c in known) for run in runs]
-    comparable = [tuple(np.inf if x is None else x for x in row) for row in rows]
+    known = {n: x for n, x in columns.items() if not np.isnan(x).all()}
+    rows = list(zip(*known.values(), strict=True))
     entries = [
         RankedLaw(
             law,
             row,
-            not any(_beats(other, row) for other in comparable),
+            not any(beats(other, row) for other in rows),
             tuple(run.manifest.not_met),
         )
-        for law, row, run in zip(compared, comparable, runs, strict=True)
+        for law, row, run in zip(compared, rows, runs, strict=True)
     ]
-    ranked = sorted(entries, key=lambda e: (bool(e.not_met), e.values))
-    names = [law.name for law in compared]
-    comparison = of_runs(names, runs, warnings)
-    return Ranking(target, tuple(known), tuple(ranked), tuple(refused), comparison)
+    ranked = sorted(
+        entries,
+        key=lambda e: (bool(e.not_met), np.nan_to_num(e.values, nan=np.inf).tolist()),
+    )
+    of_laws = [law.name for law in compared]
+    return Ranking(
+        target,
+        tuple(CRITERIA[name] for name in known),
+        tuple(ranked),
+        tuple(refused),
+        of_runs(of_laws, runs, warnings),
+        tuple(measured.notes),
+    )
+
+
+class _Measured:
+    """Criteria of the laws that flew; `notes` says how they were measured."""
+
+    def __init__(
+        self,
+        source: Target,
+        laws: Sequence[Fitting],
+        runs: Sequence[Run],
+        progress: Callable[[str], None],
+    ) -> None:
+        self._source, self._laws, self._progress = source, laws, progress
+        self._flown = [flown(run.manifest, run.results) for run in runs]
+        first = self._flown[0]
+        self.notes = [
+            f"measured from the end of the first orbit on, t = {first.first:.0f} s"
+            if first.first > first.manifest.start
+            else "measured from the start: the run is shorter than two orbits"
+        ]
+
+    def column(self, criterion: Criterion) -> list[float]:
+        """Return the values of a criterion, one for each law; NaN: not known."""
+        if criterion.of is None:
+            return {"emptying": self._emptying, "torquer": self._torquers}[
+                criterion.name
+            ]()
+        values = [criterion.of(run) for run in self._flown]
+        return [np.nan if x is None else x for x in values]
+
+    def _emptying(self) -> list[float]:
+        """Fly each law with half-full wheels and return the times (min) to empty them."""
+        level = level_of(self.column(CRITERIA["peak"]))
+        start = half_full(prepare(self._source, self._laws[0].options).or_raise()[0])
+        if level is None or start is None:
+            return [np.nan] * len(self._laws)
+        self.notes.append(f"empty: every wheel below {number(level)} % of its capacity")
+        times = []
+        for law in self._laws:
+            self._progress(f"{law.name} from half-full wheels")
+            values = {**law.options.values, START: start}
+            options = replace(law.options, values=values)
+            run = _fly(
+                options, self._source, prepare(self._source, options).or_raise()[0]
+            )
+            times.append(
+                time_to_empty(run.manifest, run.results, level) if run.ok else np.inf
+            )
+        return times
+
+    def _torquers(self) -> list[float]:
+        """Return the least coils (A m2) on the worst day by the momentum-only model."""
+        system, _ = prepare(self._source, self._laws[0].options).or_raise()
+        if "torquers" not in system.components:
+            return [np.nan] * len(self._laws)
+        self._progress("the worst day of the year")
+        models, without = {}, []
+        for law in self._laws:
+            flying, _ = prepare_with(self._source, law).or_raise()
+            try:
+                models[law.name] = law_of(flying.components[ROLE])
+            except UnsuitedError:
+                without.append(law.name)
+        try:
+            flight = flight_of(system, self._flown[0].results)
+            day, rods = find_rods_of_laws(
+                system, flight, list(models.values()), SizingRequirements()
+            )
+        except DesatError as error:
+            self.notes.append(f"no least torquer: {error}")
+            return [np.nan] * len(self._laws)
+        self.notes.append(
+            f"the worst day is {day}; the model of `desat size` has {_but(without)}"
+        )
+        found = dict(zip(models, rods, strict=True))
+        return [
+            np.nan if law.name not in found else _or_infinite(found[law.name])
+            for law in self._laws
+        ]
+
+
+def _but(names: Sequence[str]) -> str:
+    """Return the text of a list of exceptions."""
+    return f"all laws but {', '.join(names)}" if names else "all laws"
+
+
+def _or_infinite(value: float | None) -> float:
+    """Return a value, infinite in place of None."""
+    return np.inf if value is None else value
+
+
+def _or_never(value: float) -> str | float:
+    """Return a value, or the text that it is not reached where it is infinite."""
+    return or_not_reached(None if np.isinf(value) else value)
+
+
+def by_reason(refused: Sequence[Refused]) -> list[tuple[str, str]]:
+    """Return the names of managers, joined for each reason, with the reason."""
+    reasons: dict[str, list[str]] = {}
+    for each in refused:
+        reasons.setdefault(each.why, []).append(each.name)
+    return [(", ".join(texts), why) for why, texts in reasons.items()]
+
+
+def plainness(law: Fitting) -> tuple[bool, float]:
+    """Return a key by which laws are sorted from the plainest on.
+
+    The cross product comes first, then a law by the number of its block's parameters;
+    files of the user's own come last.
+    """
+    if law.manager not in names():
+        return True, np.inf
+    variables = block_class(law.manager)().variables
+    count = sum(v.causality == "parameter" for v in variables)
+    return law.manager != PLAINEST, count
 
 
 def laws_of(
@@ -475,16 +546,17 @@ def _following(source: Target, law: Fitting) -> Options:
 
 def _fly(options: Options, source: Target, system: System) -> Run:
     """Fly a craft and record the series that judge it and that its plots show."""
+    return simulate(prepare(source, replace(options, record=recorded(system))))
+
+
+def recorded(system: System) -> tuple[str, ...]:
+    """Return the series that judge a craft and that its plots show."""
     plots = content_of(system.about).plots.values()
     series = {
         *series_of_numbers(system),
         *(s for p in plots for s in p.signals),
-        *ORBIT,
-        REFERENCE,
-        DIPOLE,
-        ENERGY,
-        TORQUE,
-        FIRING,
+        *RECORDED,
+        *series_for(system),
     }
     for analysis in analyses():
         if parts := analysis.applies(system):
@@ -494,9 +566,7 @@ def _fly(options: Options, source: Target, system: System) -> Run:
         for c in system.components.values()
         for s in c.interface.outputs
     }
-    return simulate(
-        prepare(source, replace(options, record=tuple(sorted(series & there))))
-    )
+    return tuple(sorted(series & there))
 
 
 def _of_the_other(warning: str) -> bool:
@@ -511,8 +581,3 @@ def _idle(run: Run) -> bool:
     """Return whether neither coils nor thrusters received a command."""
     known = set(run.results.names())
     return not any(run.results.values(s).any() for s in (DIPOLE, TORQUE) if s in known)
-
-
-def _beats(one: Sequence[float], other: Sequence[float]) -> bool:
-    """Return whether one law is as good in all criteria and better in one."""
-    return one != other and all(a <= b for a, b in zip(one, other, strict=True))

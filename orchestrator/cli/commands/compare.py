@@ -69,10 +69,12 @@ def compare(
         str | None,
         typer.Option(
             metavar="NAME,...",
-            help="What laws are ranked by: peak, stored, duty, energy, pointing, firing.",
+            help="What laws are ranked by: peak, emptying, energy, torquer, duty, pointing, "
+            "firing, stored.",
         ),
     ] = None,
     sets: o.Sets = None,
+    sources: o.Sources = None,
     stop: o.Stop = None,
     step: o.Step = None,
     substeps: o.Substeps = None,
@@ -105,6 +107,7 @@ def compare(
         step,
         "gauss_seidel",
         blocks,
+        sources=sources,
         substeps=substeps,
         accuracy=accuracy,
         time_limit=time_limit,
@@ -113,12 +116,18 @@ def compare(
     if count is None:
         o.refuse(ctx, "it goes with -n", "seed")
     if laws is not None or law:
-        if count is not None:
+        if len(targets) > 1:
+            raise DesatError(f"{' '.join(targets)}: --laws flies one craft")
+        if count is not None and html is not None:
             raise DesatError(
-                "-n: --laws flies each law once; to compare random samples "
-                "of two laws, give each its scenario"
+                "--html: only a ranking of one run each, without -n, has a page"
             )
-        _laws(targets, laws, law or [], by, options, html, as_json)
+        names = [x.strip() for x in (laws or "").split(",") if x.strip()]
+        if count is None:
+            _laws(targets[0], names, law or [], by, options, html, as_json)
+        else:
+            samples = count, seed, jobs
+            _sampled_laws(targets[0], names, law or [], by, options, samples, as_json)
         return
     if by is not None:
         raise DesatError("--by: it ranks laws: --laws all")
@@ -129,6 +138,7 @@ def compare(
             "campaigns are compared as they are",
             "count",
             "sets",
+            "sources",
             "stop",
             "step",
             "substeps",
@@ -152,8 +162,8 @@ def compare(
 
 
 def _laws(
-    targets: Sequence[str],
-    laws: str | None,
+    target: str,
+    laws: Sequence[str],
     others: Sequence[str],
     by: str | None,
     options: Any,
@@ -161,27 +171,61 @@ def _laws(
     as_json: bool,
 ) -> None:
     """Fly a craft law by law and print the ranking."""
+    from ...studies import criteria as measures
     from ...studies import ranking as study
 
-    if len(targets) > 1:
-        raise DesatError(f"{' '.join(targets)}: --laws flies one craft")
-    criteria = study.criteria(by) if by is not None else ()
-    law_names = [x.strip() for x in (laws or "").split(",") if x.strip()]
+    criteria = measures.criteria(by) if by is not None else ()
     with stages(not as_json) as tell:
-        ranked = study.choose(targets[0], options, criteria, law_names, others, tell)
-    page = ranked.write(
-        html or Path("runs") / f"compare-{name_of(targets[0])}-laws.html"
-    )
+        ranked = study.choose(target, options, criteria, laws, others, tell)
+    page = ranked.write(html or Path("runs") / f"compare-{name_of(target)}-laws.html")
     warn(ranked.comparison.warnings)
     if as_json:
         print_json({**ranked.as_json(), "page": str(page)})
     else:
         out.print(ranked.answer, highlight=False, markup=False)
         print_table(ranked.table)
+        for line in ranked.notes:
+            out.print(line, highlight=False, markup=False)
         for names, reason in ranked.declined():
             out.print(f"does not fit: {names}: {reason}", highlight=False, markup=False)
         out.print(f"page: {page.resolve()}")
     if ranked.ranked[0].not_met:
+        raise typer.Exit(Exit.UNMET)
+
+
+def _sampled_laws(
+    target: str,
+    laws: Sequence[str],
+    others: Sequence[str],
+    by: str | None,
+    options: Any,
+    samples: tuple[int, int, int],
+    as_json: bool,
+) -> None:
+    """Fly samples of a craft law by law and print the ranking.
+
+    `samples` has their number, seed and the number of processes.
+    """
+    from ...studies import criteria as measures
+    from ...studies.ranking import by_reason
+    from ...studies.sampled_laws import rank_samples
+
+    criteria = measures.criteria(by) if by is not None else ()
+    with stages(not as_json) as tell:
+        progress = None if as_json else tell
+        ranked = rank_samples(
+            target, options, criteria, laws, others, *samples, progress
+        )
+    if as_json:
+        print_json(ranked.as_json())
+    else:
+        out.print(ranked.answer, highlight=False, markup=False)
+        print_table(ranked.table)
+        for line in ranked.notes:
+            out.print(line, highlight=False, markup=False)
+        for texts, reason in by_reason(ranked.refused):
+            out.print(f"does not fit: {texts}: {reason}", highlight=False, markup=False)
+    if ranked.ranked[0].failed:
         raise typer.Exit(Exit.UNMET)
 
 
