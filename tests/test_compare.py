@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from desat import compare as compare_laws
+from desat.analyses.motion import period_of
 from desat.begin import craft as new_craft
 from desat.begin.facts import CraftFacts
 from desat.campaign import pairs
 from desat.campaign.draws import draws
 from desat.campaign.pairs import differences, each_draw
+from desat.campaign.sampling import draw_of
 from desat.figures.plots import series_figure
 from desat.figures.style import COLOURS
 from desat.files import paths
 from desat.numbers.text import Value
+from desat.runs.prepare import prepare, read
+from desat.runs.run import execute
 from desat.studies import compare
+from desat.studies.criteria import half_full
 from desat.system.errors import Exit
 from desat.system.options import Options
 
@@ -304,11 +311,130 @@ def test_numbers_of_laws_are_those_of_their_runs(laws, craft, desat):
 
 
 def test_who_beats_whom():
-    from desat.studies.ranking import _beats
+    from desat.studies.criteria import beats
 
-    assert _beats((1.0, 2.0), (1.0, 3.0))
-    assert not _beats((1.0, 2.0), (1.0, 2.0))
-    assert not _beats((1.0, 4.0), (2.0, 3.0))
+    assert beats((1.0, 2.0), (1.0, 3.0))
+    assert not beats((1.0, 2.0), (1.0, 2.0))
+    assert not beats((1.0, 4.0), (2.0, 3.0))
+    unknown, never = math.nan, math.inf
+    assert beats((1.0, unknown), (2.0, 1.0)), "what is not known does not count"
+    assert not beats((1.0, unknown), (1.0, 3.0))
+    assert beats((1.0, 5.0), (1.0, never)), "what is not reached is the worst"
+
+
+def test_wheels_count_as_empty_at_a_level_that_all_laws_keep():
+    from desat.studies.criteria import EMPTY, level_of
+
+    assert level_of([0.2, 3.0]) == EMPTY
+    assert level_of([0.2, 31.0]) == 31.0
+    assert level_of([0.2, 46.0]) is None, "half full is hardly more"
+    assert level_of([math.inf]) is None
+    assert level_of([]) is None
+
+
+@pytest.fixture(scope="module")
+def orbits(tmp_path_factory):
+    """A 12U flown law by law for two orbits and a half."""
+    folder = tmp_path_factory.mktemp("laws") / "u12"
+    new_craft.write(folder, CraftFacts(size="12U", rods="0.2"), "desat new craft")
+    return folder, compare_laws(
+        str(folder), laws=["cross product", "predictive"], stop=14000.0
+    )
+
+
+def test_a_ranking_is_measured_from_the_end_of_the_first_orbit(orbits):
+    """The start is not among the numbers, and the run says from when they are."""
+    _, ranking = orbits
+    own = next(e for e in ranking.ranked if e.law.is_own)
+    run = ranking.comparison.runs[0]
+    h, times = run.results.values("wheels.h_wheel"), run.results.times()
+    r, v = (run.results.values(f"environment.{x}_eci")[0] for x in "rv")
+    first = period_of(r, v)
+    assert ranking.notes[0] == (
+        f"measured from the end of the first orbit on, t = {first:.0f} s"
+    )
+    wheels = run.manifest.values_of("wheels")
+    capacity = wheels["inertia_wheel"][0] * wheels["speed_limit"]
+    by_name = dict(zip((c.name for c in ranking.by), own.values, strict=True))
+    late = np.abs(h[times >= first]).max() / capacity
+    assert by_name["peak"] == pytest.approx(100.0 * late)
+    spent = run.results.values("torquers.electric_energy")
+    later = run.results.times("torquers.electric_energy") >= first
+    assert by_name["energy"] == pytest.approx(spent[-1] - spent[later][0])
+
+
+def test_half_full_wheels_are_emptied_in_a_flight_of_their_own(orbits):
+    folder, ranking = orbits
+    own = next(e for e in ranking.ranked if e.law.is_own)
+    by_name = dict(zip((c.name for c in ranking.by), own.values, strict=True))
+    (line,) = [x for x in ranking.notes if x.startswith("empty:")]
+    level = float(line.split()[4])
+    system, _ = prepare(str(folder), Options()).or_raise()
+    start = half_full(system)
+    run = execute(
+        str(folder), Options(stop=14000.0, values={"wheels.h_start_wheel": start})
+    )
+    wheels = run.manifest.values_of("wheels")
+    capacity = wheels["inertia_wheel"][0] * wheels["speed_limit"]
+    fill = 100.0 * np.abs(run.results.values("wheels.h_wheel")).max(axis=1) / capacity
+    assert fill[0] == pytest.approx(50.0)
+    first = run.results.times()[fill <= level][0]
+    assert by_name["emptying"] == pytest.approx(first / 60.0)
+
+
+def test_where_all_laws_do_the_plainest_is_named(orbits):
+    """`torquer` is known for laws of the model alone, and its day is said."""
+    _, ranking = orbits
+    assert ranking.plainest.name == "cross product"
+    assert "leave three quarters of the wheels free; the plainest is cross product" in (
+        ranking.answer
+    )
+    k = [c.name for c in ranking.by].index("torquer")
+    values = {e.name: e.values[k] for e in ranking.ranked}
+    assert 0.0 < values["cross product"] < 0.2
+    assert math.isnan(values["predictive"])
+    (line,) = [x for x in ranking.notes if x.startswith("the worst day is ")]
+    assert line.endswith("the model of `desat size` has all laws but predictive")
+    full = replace(ranking.ranked[0], values=(60.0, *ranking.ranked[0].values[1:]))
+    assert replace(ranking, ranked=(full, *ranking.ranked[1:])).plainest is None
+
+
+def test_laws_are_ranked_over_samples(orbits, desat):
+    """Numbers of a sample are those of the run with its values."""
+    folder, _ = orbits
+    options = ("--laws", "ccpl", "--by", "peak,emptying", "--stop", "3000", "--json")
+    done = desat(
+        "compare", folder.name, "-n", "3", *options, cwd=folder.parent, check=True
+    )
+    answer = json.loads(done.stdout)
+    assert (answer["samples"], answer["seed"]) == (3, 1)
+    assert [law["failed"] for law in answer["laws"]] == [0, 0]
+    source = read(str(folder))
+    peaks = []
+    for k in range(3):
+        values = draw_of(source.to_draw(False), 1, k)
+        run = execute(str(folder), Options(stop=3000.0, values=values))
+        peaks.append(100.0 - run.manifest.numbers["momentum_margin"].value)
+    own = next(law for law in answer["laws"] if law["own"])
+    found = own["criteria"]["peak"]
+    assert found["n"] == 3
+    assert found["median"] == pytest.approx(sorted(peaks)[1], rel=1e-6)
+
+
+def test_a_law_of_ones_own_is_ranked_by_its_source(desat, craft):
+    desat("new", "law", "theirs", cwd=craft, check=True)
+    options = ("--laws", "ccpl", "--by", "peak", "--stop", "600", "--json")
+    done = desat(
+        "compare",
+        "mine",
+        "--source",
+        "manager=theirs.py",
+        *options,
+        cwd=craft,
+        check=True,
+    )
+    laws = {law["name"]: law["own"] for law in json.loads(done.stdout)["laws"]}
+    assert laws == {"theirs": True, "ccpl": False}
 
 
 @pytest.mark.parametrize(
@@ -329,7 +455,14 @@ def test_who_beats_whom():
             "mine: --by firing: the firing time is not available for it",
         ),
         (["mine", "--law", "nowhere.py", "--stop", "60"], "nowhere.py: No such file"),
-        (["mine", "--laws", "all", "-n", "5"], "-n: --laws flies each law once"),
+        (
+            ["mine", "--laws", "all", "-n", "5", "--by", "torquer"],
+            "--by torquer: it is of a craft, not of samples: without -n",
+        ),
+        (
+            ["mine", "--laws", "all", "-n", "5", "--html", "x.html"],
+            "--html: only a ranking of one run each, without -n, has a page",
+        ),
     ],
 )
 def test_wrong_choices_are_refused_in_a_line(desat, craft, values, line):

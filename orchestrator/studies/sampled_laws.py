@@ -17,7 +17,7 @@ from ..campaign.sampling import draw_of
 from ..campaign.spread import Spread, spreads
 from ..language.content import content_of
 from ..numbers.text import number, spell_unit
-from ..report.table import Column, Table
+from ..report.table import Column, Row, Table
 from ..runs.prepare import prepare, read
 from ..runs.run import Options, Run
 from ..sizing.compatibility import ROLE, Fitting, Refused
@@ -46,15 +46,15 @@ class JudgedSample(One):
         target: str,
         options: Options,
         seed: int,
-        draw: int,
+        draw: int | None,
         names: tuple[str, ...],
-        start: list[float] | None,
-        level: float,
+        changes: Mapping[str, Any],
+        level: float | None = None,
     ) -> RunRow:
         """Fly a sample and measure it by the criteria of these names.
 
-        With `start` (N m s) the wheels begin there, and the time until they are below
-        `level` (%) is measured.
+        With `draw` None nothing is drawn. `changes` are values that replace drawn ones.
+        With `level` (%) only the time until the wheels are below it is measured.
         """
         source = self.source(target)
         is_own = not any(text.startswith(f"{ROLE}=") for text in options.sources)
@@ -64,14 +64,14 @@ class JudgedSample(One):
         def look(run: Run) -> None:
             """Measure the run before its results are closed."""
             not_met.extend(run.manifest.not_met)
-            if start is not None:
+            if level is not None:
                 time = time_to_empty(run.manifest, run.results, level)
                 measures[EMPTYING] = time if np.isfinite(time) else None
                 return
-            seen = flown(run.manifest, run.results)
+            seen = flown(run.manifest, run.results) if names else None
             for name in names:
                 of = CRITERIA[name].of
-                measures[name] = None if of is None else of(seen)
+                measures[name] = None if of is None or seen is None else of(seen)
 
         def values_of(k: int) -> Mapping[str, Any]:
             """Return the drawn values of a sample, without those of another law."""
@@ -82,12 +82,13 @@ class JudgedSample(One):
                 if is_own or not name.startswith(f"{ROLE}.")
             }
 
-        values = dict(values_of(draw))
-        if start is not None:
-            values[START] = start
+        values = {**({} if draw is None else values_of(draw)), **changes}
         system, _ = prepare(source, options).or_raise()
-        row = ran(source, options, values, recorded(system), look, values_of)
-        return replace(row, number=draw, numbers=measures, unmet=not_met)
+        drawing = None if draw is None else values_of
+        row = ran(source, options, values, recorded(system), look, drawing)
+        return replace(
+            row, number=draw, numbers={**row.numbers, **measures}, unmet=not_met
+        )
 
 
 @dataclass(frozen=True)
@@ -157,13 +158,13 @@ class SampledRanking:
             Column("failed", form="d"),
             Column("why", kind="text"),
         ]
-        rows = [
-            (
+        rows: list[Row] = [
+            [
                 e.label,
                 *(_interval(e.spreads[c.name]) for c in self.by),
                 e.failed,
                 "; ".join(e.reasons),
-            )
+            ]
             for e in self.ranked
         ]
         return Table("", columns, rows)
@@ -253,7 +254,7 @@ def rank_samples(
     ]
     names = tuple(dict.fromkeys(("peak", *of_flights)))
     flights = _fly_all(
-        target, found, count, seed, jobs, progress is not None, (names, None, 0.0)
+        target, found, count, seed, jobs, progress is not None, (names, {})
     )
     start = half_full(system)
     level = level_of(
@@ -267,7 +268,13 @@ def rank_samples(
     if EMPTYING in [c.name for c in chosen] and start is not None and level is not None:
         notes.append(f"empty: every wheel below {number(level)} % of its capacity")
         emptied = _fly_all(
-            target, found, count, seed, jobs, progress is not None, ((), start, level)
+            target,
+            found,
+            count,
+            seed,
+            jobs,
+            progress is not None,
+            ((), {START: start}, level),
         )
         of_flights = (*of_flights, EMPTYING)
     elif EMPTYING in [c.name for c in criteria]:

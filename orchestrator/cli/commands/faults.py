@@ -1,0 +1,102 @@
+"""Define `desat faults A B ...`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from ...system.errors import Exit
+from .. import options as o
+from ..console import Sections, app, example, out, print_json, print_table
+
+
+@app.command(cls=Sections, epilog=example("desat faults my12u --laws predictive -n 4"))
+def faults(
+    ctx: typer.Context,
+    targets: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="A B ...",
+            autocompletion=o.complete_name,
+            help="Scenarios, each with its own law, or one craft.",
+        ),
+    ],
+    count: Annotated[
+        int,
+        typer.Option(
+            "-n", "--count", min=1, help="Number of random samples of each fault."
+        ),
+    ] = 40,
+    seed: Annotated[int, typer.Option(help="Seed of the random samples.", min=0)] = 1,
+    laws: Annotated[
+        str | None,
+        typer.Option(
+            metavar="all|NAME,...",
+            help="Fly the one craft also with each manager of ours that fits it, or with "
+            "these, gains by rule.",
+        ),
+    ] = None,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="Fly this fault alone; again for others (default: all).",
+        ),
+    ] = None,
+    sets: o.Sets = None,
+    stop: o.Stop = None,
+    step: o.Step = None,
+    substeps: o.Substeps = None,
+    accuracy: o.Accuracy = None,
+    blocks: o.Blocks = False,
+    fmus: o.Fmus = "native",
+    time_limit: o.TimeLimit = None,
+    jobs: o.Jobs = o.CPUS,
+    as_json: o.Json = False,
+) -> None:
+    """Fly a craft under faults that its law does not know of, and say where it breaks.
+
+    Dead, weak and turned coils, a dead wheel, friction, errors of sensors, inertia and
+    thrust, a dipole, torques in pulses. A sample fails where its run does not complete or
+    misses a requirement, or never reaches what the scenario measures the time of.
+    """
+    from ...studies import faults as study
+
+    options = o.options_of(
+        sets,
+        stop,
+        step,
+        "gauss_seidel",
+        blocks,
+        substeps=substeps,
+        accuracy=accuracy,
+        time_limit=time_limit,
+        fmus=fmus,
+    )
+    names = [x.strip() for x in (laws or "").split(",") if x.strip()]
+    found = study.fly_faults(
+        targets,
+        options,
+        study.chosen(fault or []),
+        count,
+        seed,
+        names,
+        jobs,
+        progress=not as_json,
+    )
+    if as_json:
+        print_json(found.as_json())
+    else:
+        out.print(found.answer, highlight=False, markup=False)
+        print_table(found.table)
+        for title, reason in found.without.items():
+            out.print(
+                f"does not apply: {title}: {reason}", highlight=False, markup=False
+            )
+    nominal = found.rows[study.NOMINAL][1]
+    rows = [
+        outcomes for name, (_, outcomes) in found.rows.items() if name != study.NOMINAL
+    ]
+    if any(x[0].failed > nominal[0].failed for x in rows):
+        raise typer.Exit(Exit.UNMET)

@@ -1,0 +1,379 @@
+"""Fly a craft under faults that its law does not know of: `desat faults`.
+
+The faults are declared in `templates/faults.toml`. A sample fails where the run does not
+complete or misses a requirement, or a time that the scenario measures is not reached.
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from desat.components.blocks.disturbance_table import ROWS
+
+from ..campaign.draws import RunRow, rows_of
+from ..files.io import replace_text
+from ..language.content import content_of
+from ..numbers.numbers import late
+from ..numbers.text import number, spell_unit
+from ..report.table import Column, Row, Table
+from ..runs.prepare import Target, prepare, read
+from ..runs.run import Options
+from ..system import discovery
+from ..system.errors import DesatError, nearest
+from ..system.model import System
+from ..system.typed import JsonObject
+from .criteria import CRITERIA
+from .ranking import laws_of
+from .sampled_laws import JudgedSample
+
+NOMINAL = "nominal"  # name of the flight without a fault
+PEAK = "peak"
+CRAFT, COMPONENTS = "craft.toml", "[components]\n"
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault as it is declared."""
+
+    name: str
+    title: str
+    table: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Contender:
+    """A scenario under one law."""
+
+    label: str
+    source: Target
+    options: Options
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Samples of a contender under a fault."""
+
+    count: int
+    failed: int
+    median: float | None  # None: not reached, or not known
+    reasons: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """Return the samples that failed and the median of the others."""
+        middle = "" if self.median is None else f"{number(self.median)}; "
+        return f"{middle}{self.failed} of {self.count} fail"
+
+
+@dataclass(frozen=True)
+class FaultTable:
+    """Outcome of each fault for each contender, and why a fault does not apply."""
+
+    targets: tuple[str, ...]
+    labels: tuple[str, ...]
+    title: str  # of the number whose median is given
+    unit: str
+    seed: int
+    rows: Mapping[str, tuple[Fault, tuple[Outcome, ...]]]
+    without: Mapping[str, str]  # title of a fault that does not apply -> reason
+
+    @property
+    def answer(self) -> str:
+        """Return a sentence for each contender: the fault under which it fares worst."""
+        return " ".join(self._worst(k) for k in range(len(self.labels)))
+
+    def _worst(self, k: int) -> str:
+        """Return the sentence of a contender."""
+
+        def key(entry: tuple[Fault, tuple[Outcome, ...]]) -> tuple[float, float]:
+            """Return the share that fails, then the median."""
+            outcome = entry[1][k]
+            middle = np.inf if outcome.median is None else outcome.median
+            return outcome.failed / outcome.count, middle
+
+        faults = [row for name, row in self.rows.items() if name != NOMINAL]
+        _, nominal = self.rows[NOMINAL]
+        if not faults:
+            return f"{self.labels[k]}: no fault applies."
+        fault, outcomes = max(faults, key=key)
+        outcome = outcomes[k]
+        if not any(row[1][k].failed > nominal[k].failed for row in faults):
+            middle = "" if outcome.median is None else f" ({self._value(outcome)})"
+            return f"{self.labels[k]}: no fault makes it fail; the worst is {fault.title}{middle}."
+        why = f": {outcome.reasons[0]}" if outcome.reasons else ""
+        return (
+            f"{self.labels[k]} breaks under {fault.title}: {outcome.failed} of "
+            f"{outcome.count} samples fail{why}."
+        )
+
+    def _value(self, outcome: Outcome) -> str:
+        """Return the median with its unit."""
+        assert outcome.median is not None
+        return f"{number(outcome.median)} {spell_unit(self.unit)}".rstrip()
+
+    @property
+    def table(self) -> Table:
+        """Return the outcomes as a table of the report."""
+        columns = [
+            Column("fault", kind="text"),
+            *(Column(x, kind="text") for x in self.labels),
+        ]
+        rows: list[Row] = [
+            [fault.title, *(outcome.text for outcome in outcomes)]
+            for fault, outcomes in self.rows.values()
+        ]
+        return Table(f"{self.title} [{spell_unit(self.unit)}], median", columns, rows)
+
+    def as_json(self) -> JsonObject:
+        """Return the outcomes for programs."""
+        return {
+            "targets": list(self.targets),
+            "answer": self.answer,
+            "number": {"title": self.title, "unit": self.unit},
+            "seed": self.seed,
+            "faults": {
+                name: {
+                    "title": fault.title,
+                    "outcomes": {
+                        label: {**vars(x), "reasons": list(x.reasons)}
+                        for label, x in zip(self.labels, outcomes, strict=True)
+                    },
+                }
+                for name, (fault, outcomes) in self.rows.items()
+            },
+            "do not apply": dict(self.without),
+        }
+
+
+def declared() -> dict[str, Fault]:
+    """Return all faults by name."""
+    for folder in discovery.folders("templates"):
+        file = folder / "faults.toml"
+        if file.is_file():
+            tables = tomllib.loads(file.read_text(encoding="utf-8"))
+            return {n: Fault(n, t["title"], t) for n, t in tables.items()}
+    raise DesatError("faults.toml: it is not installed")
+
+
+def chosen(names: Sequence[str]) -> list[Fault]:
+    """Return faults by name, all of them for no name.
+
+    Raises
+    ------
+    DesatError
+        If there is no such fault.
+    """
+    faults = declared()
+    for name in names:
+        if name not in faults:
+            raise DesatError(
+                f"--fault {name}: no such fault{nearest(name, faults)}; there is "
+                f"{', '.join(faults)}"
+            )
+    return [faults[name] for name in dict.fromkeys(names or faults)]
+
+
+def changes_of(fault: Fault, system: System) -> dict[str, Any] | str:
+    """Return the values that a fault gives a system, or why it does not apply."""
+    table = fault.table
+    values: dict[str, Any] = {}
+    lacking: list[str] = []
+    wanted = {
+        **table.get("set", {}),
+        **table.get("factor", {}),
+        **table.get("sample", {}),
+    }
+    for name, amount in wanted.items():
+        now = _value_of(system, name)
+        if now is None:
+            lacking.append(f"it has no {name}")
+        elif name in table.get("set", {}):
+            values[name] = amount
+        elif name in table.get("sample", {}):
+            values[name] = _value_of(system, amount)
+        elif not np.any(now):
+            lacking.append(f"{name} is 0")
+        else:
+            values[name] = (np.array(now) * np.array(amount)).tolist()
+    if lacking and not (table.get("any") and values):
+        return "; ".join(lacking)
+    return values
+
+
+def _value_of(system: System, name: str) -> Any:
+    """Return the value of a parameter, a list of an array; None without it."""
+    owner, _, key = name.partition(".")
+    component = system.components.get(owner)
+    if component is None:
+        return None
+    signals = component.interface.elements.get(key, ())
+    values = [component.values[s.name] for s in signals if s.causality == "parameter"]
+    if not values:
+        return None
+    return values[0] if len(values) == 1 and signals[0].name == key else values
+
+
+def fly_faults(
+    targets: Sequence[str],
+    options: Options,
+    faults: Sequence[Fault],
+    count: int,
+    seed: int,
+    laws: Sequence[str] = (),
+    jobs: int = 2,
+    progress: bool = False,
+) -> FaultTable:
+    """Fly samples of scenarios, or of a craft under several laws, with each fault.
+
+    Parameters
+    ----------
+    targets
+        Scenarios, each with its own law.
+    options
+        Options of all runs.
+    faults
+        Faults to fly, besides none.
+    count, seed
+        Samples; one without draws where a scenario has nothing to draw.
+    laws
+        Laws that fly the one target besides its own, by name, or all.
+    jobs, progress
+        Number of processes; whether progress is shown.
+
+    Raises
+    ------
+    DesatError
+        If a scenario cannot run, or laws are named for several.
+    """
+    if laws and len(targets) > 1:
+        raise DesatError(f"{' '.join(targets)}: --laws flies one craft")
+    contenders = list(_contenders(targets, options, laws))
+    first = contenders[0]
+    system, _ = prepare(first.source, first.options).or_raise()
+    content = content_of(system.about)
+    times = late(content)
+    measured = next((n for n in content.numbers if n in times), PEAK)
+    names = () if measured != PEAK else (PEAK,)
+    without: dict[str, str] = {}
+    tasks: list[tuple[Any, ...]] = []
+    flights: list[tuple[Fault, Contender, int]] = []
+    with tempfile.TemporaryDirectory() as folder:
+        nominal = Fault(NOMINAL, "none", {})
+        for fault in (nominal, *faults):
+            of_fault: list[tuple[Contender, tuple[Any, ...]]] = []
+            for k, contender in enumerate(contenders):
+                found = _with_fault(fault, contender, Path(folder) / f"{fault.name}{k}")
+                if isinstance(found, str):
+                    without[fault.title] = found
+                    break
+                drawn = content_of(contender.source.to_draw(options.blocks).about)
+                samples: Sequence[int | None] = (
+                    range(count) if drawn.dispersions else (None,)
+                )
+                target, changes = found
+                flights.append((fault, contender, len(samples)))
+                of_fault += [
+                    (contender, (target, contender.options, seed, x, names, changes))
+                    for x in samples
+                ]
+            if fault.title in without:
+                flights = [x for x in flights if x[0] is not fault]
+                continue
+            tasks += [task for _, task in of_fault]
+        rows = rows_of(tasks, jobs, targets[0], progress, runner=JudgedSample)
+    table: dict[str, tuple[Fault, tuple[Outcome, ...]]] = {}
+    for fault, _, n in flights:
+        outcome, rows = _outcome(rows[:n], measured), rows[n:]
+        before = table.get(fault.name, (fault, ()))[1]
+        table[fault.name] = fault, (*before, outcome)
+    declared_number = content.numbers.get(measured)
+    return FaultTable(
+        tuple(targets),
+        tuple(c.label for c in contenders),
+        CRITERIA[PEAK].title if declared_number is None else declared_number.title,
+        CRITERIA[PEAK].unit if declared_number is None else declared_number.unit or "",
+        seed,
+        table,
+        without,
+    )
+
+
+def _contenders(
+    targets: Sequence[str], options: Options, laws: Sequence[str]
+) -> Iterator[Contender]:
+    """Yield each target with its own law, or the one target under several."""
+    for target in targets:
+        source = read(target)
+        prepare(source, options).or_raise()
+        if not laws:
+            yield Contender(target, source, options)
+    if laws:
+        _, found, _ = laws_of(source, options, laws)
+        for law in found:
+            yield Contender(law.name, source, law.options)
+
+
+def _with_fault(
+    fault: Fault, contender: Contender, folder: Path
+) -> tuple[str, dict[str, Any]] | str:
+    """Return the target and the values of a contender with a fault.
+
+    Or the reason why the fault does not apply. A component is added to a copy of the
+    craft in `folder`.
+    """
+    target, system = contender.source.text, prepare(contender.source, contender.options)
+    values = changes_of(fault, system.or_raise()[0])
+    if isinstance(values, str):
+        return values
+    if added := fault.table.get("component"):
+        ((name, block),) = added.items()
+        scenario = contender.source.scenario
+        file = scenario.file if scenario is not None else None
+        if file is None or not (file.parent / CRAFT).is_file():
+            return "a component is added to a craft of one's own alone"
+        text = (file.parent / CRAFT).read_text(encoding="utf-8")
+        if f"\n{name} =" in text:
+            return f"the craft has a component {name} already"
+        if COMPONENTS not in text:
+            return f"{CRAFT} has no [components]"
+        shutil.copytree(file.parent, folder, ignore=shutil.ignore_patterns("runs"))
+        more = f'{COMPONENTS}{name} = "{block}"\n'
+        replace_text(folder / CRAFT, text.replace(COMPONENTS, more, 1))
+        rows = [x for row in fault.table["table"] for x in row]
+        changes: dict[str, Any] = {
+            f"{name}.torque": rows + [0.0] * (4 * ROWS - len(rows)),
+            f"{name}.between": "hold",
+            f"{name}.repeated": True,
+        }
+        return str(folder / file.name), changes
+    return target, values
+
+
+def _outcome(rows: Sequence[RunRow], measured: str) -> Outcome:
+    """Summarise the samples of a contender under a fault."""
+    reasons: list[str] = []
+    values: list[float] = []
+    failed = 0
+    for row in rows:
+        value = row.numbers.get(measured)
+        why = list(row.unmet) if row.completed else [row.message or row.status]
+        if row.completed and value is None and measured != PEAK:
+            why.append(f"{measured} is not reached")
+        failed += bool(why)
+        reasons += [x.partition(":")[0] for x in why]
+        values.append(np.inf if value is None or not row.completed else value)
+    middle = float(np.median(values)) if values else np.inf
+    return Outcome(
+        len(rows),
+        failed,
+        middle if np.isfinite(middle) else None,
+        tuple(dict.fromkeys(reasons)),
+    )
