@@ -43,7 +43,7 @@ EMPTY, FULLEST = 10.0, 45.0
 AT_EASE = 25.0
 
 
-class Flown(NamedTuple):
+class MeasuredRun(NamedTuple):
     """A run and the time (s) from which it is measured."""
 
     manifest: Manifest
@@ -56,7 +56,7 @@ class Flown(NamedTuple):
         return self.results.values(series)[times >= self.first - 1e-9]
 
 
-def flown(manifest: Manifest, results: Results) -> Flown:
+def measured_run(manifest: Manifest, results: Results) -> MeasuredRun:
     """Find the time from which a run is measured: the end of its first orbit.
 
     A run of less than two orbits is measured from its start.
@@ -64,7 +64,7 @@ def flown(manifest: Manifest, results: Results) -> Flown:
     r, v = (results.values(name)[0] for name in ORBIT[:2])
     times, period = results.times(), period_of(r, v)
     is_long = times[-1] - times[0] >= 2.0 * period * (1.0 - 1e-9)
-    return Flown(manifest, results, float(times[0]) + period * is_long)
+    return MeasuredRun(manifest, results, float(times[0]) + period * is_long)
 
 
 class Criterion(NamedTuple):
@@ -74,7 +74,7 @@ class Criterion(NamedTuple):
     title: str
     unit: str
     # Value of a run, None if it is not known; None: it needs other flights than one.
-    of: Callable[[Flown], float | None] | None
+    of: Callable[[MeasuredRun], float | None] | None
 
     @property
     def heading(self) -> str:
@@ -82,7 +82,7 @@ class Criterion(NamedTuple):
         return f"{self.title} [{spell_unit(self.unit)}]"
 
 
-def _filled(run: Flown) -> float | None:
+def _filled(run: MeasuredRun) -> float | None:
     """Return the fill of the fullest wheel (%), or None if it is not known."""
     fill = management.fill(run.manifest, run.results)
     if fill is None:
@@ -90,7 +90,7 @@ def _filled(run: Flown) -> float | None:
     return float(fill[run.results.times()[: len(fill)] >= run.first - 1e-9].max())
 
 
-def _stored(run: Flown) -> float | None:
+def _stored(run: MeasuredRun) -> float | None:
     """Return the largest total wheel momentum (N m s), or None if it is not known."""
     stored = management.stored(run.manifest, run.results)
     if stored is None:
@@ -99,7 +99,7 @@ def _stored(run: Flown) -> float | None:
     return float(np.linalg.norm(stored[rows], axis=1).max())
 
 
-def _duty(run: Flown) -> float | None:
+def _duty(run: MeasuredRun) -> float | None:
     """Return the coil duty (%), or None if it is not known."""
     if DIPOLE not in run.results.names():
         return None
@@ -107,7 +107,7 @@ def _duty(run: Flown) -> float | None:
     return duty.get("coil_duty")
 
 
-def _pointing(run: Flown) -> float | None:
+def _pointing(run: MeasuredRun) -> float | None:
     """Compute the rms pointing error (deg), or None without a reference."""
     if REFERENCE not in run.results.names():
         return None
@@ -116,10 +116,10 @@ def _pointing(run: Flown) -> float | None:
     return float(np.sqrt((pointing(q[:n], reference[:n]) ** 2).mean()))
 
 
-def _gained(signal: str) -> Callable[[Flown], float | None]:
+def _gained(signal: str) -> Callable[[MeasuredRun], float | None]:
     """Build the criterion of how much a series grows, None without it."""
 
-    def of(run: Flown) -> float | None:
+    def of(run: MeasuredRun) -> float | None:
         """Return how much the series has grown, or None without it."""
         if signal not in run.results.names():
             return None

@@ -108,10 +108,10 @@ class FaultTable:
         if not any(row[1][k].failed > nominal[k].failed for row in faults):
             middle = "" if outcome.median is None else f" ({self._value(outcome)})"
             return f"{self.labels[k]}: no fault makes it fail; the worst is {fault.title}{middle}."
-        why = f": {outcome.reasons[0]}" if outcome.reasons else ""
+        reason = f": {outcome.reasons[0]}" if outcome.reasons else ""
         return (
             f"{self.labels[k]} breaks under {fault.title}: {outcome.failed} of "
-            f"{outcome.count} samples fail{why}."
+            f"{outcome.count} samples fail{reason}."
         )
 
     def _value(self, outcome: Outcome) -> str:
@@ -186,12 +186,12 @@ def changes_of(fault: Fault, system: System) -> dict[str, Any] | str:
     table = fault.table
     values: dict[str, Any] = {}
     lacking: list[str] = []
-    wanted = {
+    names = {
         **table.get("set", {}),
         **table.get("factor", {}),
         **table.get("sample", {}),
     }
-    for name, amount in wanted.items():
+    for name, amount in names.items():
         now = _value_of(system, name)
         if now is None:
             lacking.append(f"it has no {name}")
@@ -364,11 +364,11 @@ def _outcome(rows: Sequence[RunRow], measured: str) -> Outcome:
     failed = 0
     for row in rows:
         value = row.numbers.get(measured)
-        why = list(row.unmet) if row.completed else [row.message or row.status]
+        lines = list(row.unmet) if row.completed else [row.message or row.status]
         if row.completed and value is None and measured != PEAK:
-            why.append(f"{measured} is not reached")
-        failed += bool(why)
-        reasons += [x.partition(":")[0] for x in why]
+            lines.append(f"{measured} is not reached")
+        failed += bool(lines)
+        reasons += [x.partition(":")[0] for x in lines]
         values.append(np.inf if value is None or not row.completed else value)
     middle = float(np.median(values)) if values else np.inf
     return Outcome(

@@ -58,9 +58,9 @@ from .criteria import (
     TORQUE,
     Criterion,
     beats,
-    flown,
     half_full,
     level_of,
+    measured_run,
     time_to_empty,
 )
 
@@ -366,8 +366,8 @@ class _Measured:
         progress: Callable[[str], None],
     ) -> None:
         self._source, self._laws, self._progress = source, laws, progress
-        self._flown = [flown(run.manifest, run.results) for run in runs]
-        first = self._flown[0]
+        self._runs = [measured_run(run.manifest, run.results) for run in runs]
+        first = self._runs[0]
         self.notes = [
             f"measured from the end of the first orbit on, t = {first.first:.0f} s"
             if first.first > first.manifest.start
@@ -380,7 +380,7 @@ class _Measured:
             return {"emptying": self._emptying, "torquer": self._torquers}[
                 criterion.name
             ]()
-        values = [criterion.of(run) for run in self._flown]
+        values = [criterion.of(run) for run in self._runs]
         return [np.nan if x is None else x for x in values]
 
     def _emptying(self) -> list[float]:
@@ -417,7 +417,7 @@ class _Measured:
             except UnsuitedError:
                 without.append(law.name)
         try:
-            flight = flight_of(system, self._flown[0].results)
+            flight = flight_of(system, self._runs[0].results)
             day, rods = find_rods_of_laws(
                 system, flight, list(models.values()), SizingRequirements()
             )
@@ -454,7 +454,7 @@ def by_reason(refused: Sequence[Refused]) -> list[tuple[str, str]]:
     reasons: dict[str, list[str]] = {}
     for each in refused:
         reasons.setdefault(each.why, []).append(each.name)
-    return [(", ".join(texts), why) for why, texts in reasons.items()]
+    return [(", ".join(texts), reason) for reason, texts in reasons.items()]
 
 
 def plainness(law: Fitting) -> tuple[bool, float]:

@@ -28,9 +28,9 @@ from .criteria import (
     STANDARD,
     START,
     Criterion,
-    flown,
     half_full,
     level_of,
+    measured_run,
     time_to_empty,
 )
 from .ranking import laws_of, recorded
@@ -68,7 +68,7 @@ class JudgedSample(One):
                 time = time_to_empty(run.manifest, run.results, level)
                 measures[EMPTYING] = time if np.isfinite(time) else None
                 return
-            seen = flown(run.manifest, run.results) if names else None
+            seen = measured_run(run.manifest, run.results) if names else None
             for name in names:
                 of = CRITERIA[name].of
                 measures[name] = None if of is None or seen is None else of(seen)
@@ -239,7 +239,7 @@ def rank_samples(
         )
     first, found, refused = laws_of(source, options, laws, others, tell)
     system, _ = prepare(source, options).or_raise()
-    measured = flown(first.manifest, first.results)
+    measured = measured_run(first.manifest, first.results)
     of_flights = tuple(
         c.name for c in chosen if c.of is not None and c.of(measured) is not None
     )

@@ -1,0 +1,139 @@
+"""`desat faults`: what each fault does to a craft, and which samples fail."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from desat.begin import craft as new_craft
+from desat.begin.facts import CraftFacts
+from desat.campaign.sampling import draw_of
+from desat.fmus.registry import block_class, names
+from desat.runs.prepare import prepare, read
+from desat.runs.run import execute
+from desat.studies import faults
+from desat.studies.criteria import CRITERIA, measured_run
+from desat.system.errors import DesatError, Exit
+from desat.system.options import Options
+
+
+@pytest.fixture(scope="module")
+def craft(tmp_path_factory):
+    """A 12U of one's own."""
+    folder = tmp_path_factory.mktemp("faults") / "u12"
+    new_craft.write(folder, CraftFacts(size="12U", rods="0.2"), "desat new craft")
+    return folder
+
+
+def named(fault):
+    """Parameters that a fault names."""
+    return [n for key in ("set", "factor", "sample") for n in fault.table.get(key, {})]
+
+
+def test_faults_name_parameters_that_blocks_have():
+    """So a renamed parameter does not make a fault silently inapplicable."""
+    blocks = {
+        v.name
+        for n in names()
+        for v in block_class(n)().variables
+        if v.causality == "parameter"
+    }
+    every = faults.declared()
+    assert len(every) == 14
+    for fault in every.values():
+        assert named(fault) or fault.table.get("component")
+        assert {x.partition(".")[2] for x in named(fault)} <= blocks, fault.name
+
+
+def test_values_of_a_fault(craft):
+    system, _ = prepare(str(craft), Options()).or_raise()
+    every = faults.declared()
+    inertia = np.reshape(system.components["spacecraft"].values["inertia[1,1]"], ())
+    found = faults.changes_of(every["inertia"], system)["spacecraft.inertia"]
+    assert found[0] == pytest.approx(1.1 * float(inertia))
+    assert len(found) == 9
+    friction = replace(every["friction"], table={**every["friction"].table})
+    assert faults.changes_of(every["coil_turned"], system) == {
+        "torquers.failed_coil": "1",
+        "torquers.failed_share": -1.0,
+    }
+    assert faults.changes_of(every["thrust"], system) == (
+        "it has no thrusters.tau_level; it has no thrusters.thrust"
+    )
+    assert set(faults.changes_of(friction, system)) <= set(named(friction))
+
+
+def test_a_sample_with_a_fault_is_the_run_with_its_values(craft):
+    """The numbers are those of a run with the drawn values and the fault's."""
+    (fault,) = faults.chosen(["coil_weak"])
+    options = Options(stop=2000.0)
+    found = faults.fly_faults([str(craft)], options, [fault], 1, 3, jobs=1)
+    values = {
+        **draw_of(read(str(craft)).to_draw(False), 3, 0),
+        "torquers.failed_coil": "1",
+        "torquers.failed_share": 0.5,
+    }
+    run = execute(str(craft), replace(options, values=values))
+    seen = CRITERIA["peak"].of(measured_run(run.manifest, run.results))
+    (outcome,) = found.rows["coil_weak"][1]
+    assert outcome.median == pytest.approx(seen, rel=1e-6)
+    assert (outcome.count, outcome.failed) == (1, len(run.manifest.not_met) > 0)
+    assert set(found.rows) == {"nominal", "coil_weak"}
+    assert found.answer.startswith(str(craft))
+
+
+def test_torques_in_pulses_are_added_to_a_copy_of_the_craft(craft):
+    before = {p.name: p.read_text() for p in craft.glob("*.toml")}
+    (fault,) = faults.chosen(["pulses"])
+    options = Options(stop=900.0)
+    found = faults.fly_faults([str(craft)], options, [fault], 1, 1, jobs=1)
+    calm, pushed = (found.rows[n][1][0].median for n in ("nominal", "pulses"))
+    assert pushed > calm + 1.0, "600 s of 4 uN m are 2.4 mN m s of 15"
+    assert {p.name: p.read_text() for p in craft.glob("*.toml")} == before
+
+
+def test_a_sample_that_never_ends_fails(desat):
+    """What the scenario measures the time of is not reached."""
+    target = "hausat2/detumbling-b-dot"
+    options = ("--fault", "coil_turned", "-n", "1", "--stop", "600", "--json")
+    done = desat("faults", target, *options)
+    assert done.returncode == Exit.COMPLETED, "it breaks without the fault as well"
+    answer = json.loads(done.stdout)
+    assert answer["number"]["unit"] == "min"
+    outcome = answer["faults"]["coil_turned"]["outcomes"][target]
+    assert (outcome["count"], outcome["failed"], outcome["median"]) == (1, 1, None)
+    assert outcome["reasons"] == ["detumbled is not reached"]
+
+
+def test_the_worst_fault_is_said_in_words(desat, craft):
+    options = ("--fault", "attitude", "--fault", "late", "-n", "1", "--stop", "600")
+    done = desat("faults", craft.name, *options, cwd=craft.parent)
+    assert done.returncode == Exit.UNMET
+    text = " ".join(done.stdout.split())
+    assert f"{craft.name} breaks under attitude off by 5 deg: 1 of 1 samples" in text
+    assert (
+        "does not apply: attitude a sample late: it has no star_tracker.delay" in text
+    )
+
+
+@pytest.mark.parametrize(
+    ("values", "line"),
+    [
+        (["u12", "--fault", "dead_weel"], "no such fault; did you mean dead_wheel?"),
+        (["u12", "u12", "--laws", "all"], "u12 u12: --laws flies one craft"),
+        (["nowhere"], "nowhere"),
+    ],
+)
+def test_wrong_faults_are_refused_in_a_line(desat, craft, values, line):
+    done = desat("faults", *values, "-n", "1", cwd=craft.parent)
+    assert done.returncode == Exit.INPUT
+    assert line in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_faults_refuse_several_crafts_under_laws():
+    with pytest.raises(DesatError, match="--laws flies one craft"):
+        faults.fly_faults(["a", "b"], Options(), [], 1, 1, laws=["all"])
