@@ -31,7 +31,7 @@ from typer.main import get_command
 from desat.runs.prepare import prepare
 from desat.system.errors import DesatError, Exit
 
-SEED, COUNT, LINES = 1, 1000, 30
+SEED, COUNT, LINES = 1, 1000, 15
 
 
 def test_mutated_files_are_refused_in_lines(tmp_path, capsys):

@@ -282,9 +282,8 @@ def test_every_block_is_native_but_the_pinned_ones():
 
 @pytest.mark.parametrize("name", NATIVE)
 def test_it_validates_and_is_described_as_the_python_one(name):
-    if (
-        name in NATIVE[1::6]
-    ):  # of the same description the Python FMUs are validated, all of them
+    # of the same description the Python FMUs are validated, all of them
+    if name in NATIVE[1::6] and name != "manager_preview_learning":  # 18 s
         assert validate_fmu(str(path(name))) == []
     texts = []
     for kind in ("native", "python"):

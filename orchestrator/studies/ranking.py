@@ -19,6 +19,7 @@ from desat.fmus.registry import block_class, names
 
 from ..analyses import analyses
 from ..analyses.flight import attitude_of, flight_of, series_for, values_of
+from ..analyses.manifest import SubstepChoice
 from ..analyses.motion import period_of
 from ..campaign.draws import series_of_numbers
 from ..figures.canvas import Figure
@@ -26,7 +27,7 @@ from ..figures.style import COLOURS, DASHED, figure
 from ..language.content import content_of
 from ..numbers.text import number, spell_unit
 from ..report.table import Column, Table, or_not_reached
-from ..runs.prepare import Target, prepare, read
+from ..runs.prepare import Case, Target, prepare, read
 from ..runs.run import Options, Run, simulate
 from ..sizing.compatibility import (
     ALL,
@@ -302,7 +303,7 @@ def choose(
     for k, law in enumerate(found[1:], 2):
         progress(f"{k} of {len(found)}: {law.name}")
         try:
-            run = _fly(law.options, source, prepare_with(source, law).or_raise()[0])
+            run = _fly(prepare_with(source, law), _choice_for_others(first))
             run.or_raise(law.name)
         except RunError as error:
             refused.append(Refused(law.name, str(error).removeprefix(f"{law.name}: ")))
@@ -391,17 +392,29 @@ class _Measured:
             return [np.nan] * len(self._laws)
         self.notes.append(f"empty: every wheel below {number(level)} % of its capacity")
         times = []
-        for law in self._laws:
+        for law, run_of_law in zip(self._laws, self._runs, strict=True):
             self._progress(f"{law.name} from half-full wheels")
-            values = {**law.options.values, START: start}
-            options = replace(law.options, values=values)
-            run = _fly(
-                options, self._source, prepare(self._source, options).or_raise()[0]
-            )
+            run = self._from_half_full(law, start, run_of_law.manifest.substeps, level)
             times.append(
                 time_to_empty(run.manifest, run.results, level) if run.ok else np.inf
             )
         return times
+
+    def _from_half_full(
+        self, law: Fitting, start: list[float], substeps: int, level: float
+    ) -> Run:
+        """Fly a law with half-full wheels, for an orbit if they are emptied in that."""
+        values = {**law.options.values, START: start}
+        options = replace(law.options, values=values, substeps=substeps)
+        whole, first = prepare(self._source, options), self._runs[0]
+        orbit = first.first - first.manifest.start
+        if orbit > 0.0:
+            step = first.manifest.step
+            end = first.manifest.start + step * round(orbit / step)
+            run = _fly(prepare(self._source, replace(options, stop=end)))
+            if run.ok and np.isfinite(time_to_empty(run.manifest, run.results, level)):
+                return run
+        return _fly(whole)
 
     def _torquers(self) -> list[float]:
         """Return the least coils (A m2) on the worst day by the momentum-only model."""
@@ -492,7 +505,7 @@ def laws_of(
     system, _ = case.or_raise()
     values_of(system)  # checks that the roles exist
     progress("its own law")
-    first = _fly(case.options, source, system).or_raise(source.text)
+    first = _fly(case).or_raise(source.text)
     r, v, b, q = (first.results.values(s) for s in ORBIT)
     inertial = attitude_of(system, q, r, v).kind in ("inertial", "sun")
     terms = terms_of(period_of(r[0], v[0]), b, inertial)
@@ -544,9 +557,25 @@ def _following(source: Target, law: Fitting) -> Options:
     return replace(law.options, values=values)
 
 
-def _fly(options: Options, source: Target, system: System) -> Run:
-    """Fly a craft and record the series that judge it and that its plots show."""
-    return simulate(prepare(source, replace(options, record=recorded(system))))
+def _fly(case: Case, choice: SubstepChoice | None = None) -> Run:
+    """Fly a craft and record the series that judge it and that its plots show.
+
+    `choice` is that of the substeps with which the run begins; None: it chooses itself.
+    """
+    system, _ = case.or_raise()
+    options = replace(case.options, record=recorded(system))
+    return simulate(replace(case, options=options), choice=choice)
+
+
+def _choice_for_others(run: Run) -> SubstepChoice | None:
+    """Return the substeps with which the other laws begin; None: each chooses itself.
+
+    A run that leaves the range in which they were chosen is checked again.
+    """
+    choice = run.manifest.substep_choice
+    if choice is None or choice.reached is None:
+        return None
+    return replace(choice, steps=0, flown=0, seconds=0.0)
 
 
 def recorded(system: System) -> tuple[str, ...]:
