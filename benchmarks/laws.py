@@ -3,8 +3,8 @@ their page.
 
 `python -m benchmarks.laws [--draws N] [FAMILY ...]` flies the rows of these families
 (default: all) with the seed of the judged column, or with `--tuned` of those that
-settings were tuned on, keeps their numbers in `laws.json`, and writes `docs/laws.md`
-from `docs/laws.template`. `--page` writes the page alone, `--cost` measures what a plan
+settings were tuned on, keeps their numbers in `laws.json`, and writes `docs/laws-measured.md`
+from `docs/laws-measured.template`. `--page` writes the page alone, `--cost` measures what a plan
 takes. All rows with 200 draws: `--draws 200`.
 """
 
@@ -370,8 +370,8 @@ def table(rows: tuple[Row, ...], stored_values: dict[str, Any]) -> list[str]:
 
 
 def page(stored_values: dict[str, Any]) -> str:
-    """docs/laws.md: the template with its tables."""
-    text = (DOCS / "laws.template").read_text()
+    """docs/laws-measured.md: the template with its tables."""
+    text = (DOCS / "laws-measured.template").read_text()
     for family in dict.fromkeys(row.scenario.split("/")[0] for row in ROWS):
         rows = tuple(row for row in ROWS if row.scenario.startswith(family + "/"))
         text = text.replace(
@@ -417,7 +417,7 @@ def main() -> int:
                 ],
             }
             STORE.write_text(json.dumps(saved, indent=1, sort_keys=True) + "\n")
-    (DOCS / "laws.md").write_text(page(saved))
+    (DOCS / "laws-measured.md").write_text(page(saved))
     return 0
 
 

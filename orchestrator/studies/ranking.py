@@ -406,7 +406,7 @@ class _Measured:
         """Fly a law with half-full wheels, for an orbit if they are emptied in that."""
         values = {**law.options.values, START: start}
         options = replace(law.options, values=values, substeps=substeps)
-        whole, first = prepare(self._source, options), self._runs[0]
+        case, first = prepare(self._source, options), self._runs[0]
         orbit = first.first - first.manifest.start
         if orbit > 0.0:
             step = first.manifest.step
@@ -414,7 +414,7 @@ class _Measured:
             run = _fly(prepare(self._source, replace(options, stop=end)))
             if run.ok and np.isfinite(time_to_empty(run.manifest, run.results, level)):
                 return run
-        return _fly(whole)
+        return _fly(case)
 
     def _torquers(self) -> list[float]:
         """Return the least coils (A m2) on the worst day by the momentum-only model."""
