@@ -108,6 +108,19 @@ def test_a_sample_that_never_ends_fails(desat):
     assert outcome["reasons"] == ["detumbled is not reached"]
 
 
+def test_a_sample_beyond_a_limit_fails(craft):
+    """A limit is one more condition; what is not there is beyond it."""
+    (fault,) = faults.chosen(["coil_weak"])
+    of = [str(craft)], Options(stop=600.0), [fault], 1, 1
+    loose, tight = (
+        faults.fly_faults(*of, limits={"peak": most}, jobs=1).rows["coil_weak"][1][0]
+        for most in (99.0, 1e-3)
+    )
+    assert tight.failed == 1
+    assert "peak is above 0.001" in tight.reasons
+    assert "peak is above 0.001" not in loose.reasons
+
+
 def test_the_worst_fault_is_said_in_words(desat, craft):
     options = ("--fault", "attitude", "--fault", "late", "-n", "1", "--stop", "600")
     done = desat("faults", craft.name, *options, cwd=craft.parent)
@@ -125,6 +138,8 @@ def test_the_worst_fault_is_said_in_words(desat, craft):
         (["u12", "--fault", "dead_weel"], "no such fault; did you mean dead_wheel?"),
         (["u12", "u12", "--laws", "all"], "u12 u12: --laws flies one craft"),
         (["nowhere"], "nowhere"),
+        (["u12", "--limit", "peak"], "--limit peak: NAME=MOST is needed"),
+        (["u12", "--number", "paek"], "u12: no number paek; there is"),
     ],
 )
 def test_wrong_faults_are_refused_in_a_line(desat, craft, values, line):

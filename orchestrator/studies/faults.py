@@ -12,6 +12,7 @@ import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,7 @@ from ..system import discovery
 from ..system.errors import DesatError, nearest
 from ..system.model import System
 from ..system.typed import JsonObject
-from .criteria import CRITERIA
+from .criteria import CRITERIA, half_full
 from .ranking import laws_of
 from .sampled_laws import JudgedSample
 
@@ -228,6 +229,8 @@ def fly_faults(
     count: int,
     seed: int,
     laws: Sequence[str] = (),
+    measured: str | None = None,
+    limits: Mapping[str, float] = MappingProxyType({}),
     jobs: int = 2,
     progress: bool = False,
 ) -> FaultTable:
@@ -245,13 +248,19 @@ def fly_faults(
         Samples; one without draws where a scenario has nothing to draw.
     laws
         Laws that fly the one target besides its own, by name, or all.
+    measured
+        Number whose median is given; None: the first time that the scenario measures,
+        else the fill of the fullest wheel, else the scenario's first number.
+    limits
+        Largest values of numbers, by name; a sample beyond one fails.
     jobs, progress
         Number of processes; whether progress is shown.
 
     Raises
     ------
     DesatError
-        If a scenario cannot run, or laws are named for several.
+        If a scenario cannot run, lacks a number that is named, or laws are named for
+        several scenarios.
     """
     if laws and len(targets) > 1:
         raise DesatError(f"{' '.join(targets)}: --laws flies one craft")
@@ -259,9 +268,14 @@ def fly_faults(
     first = contenders[0]
     system, _ = prepare(first.source, first.options).or_raise()
     content = content_of(system.about)
-    times = late(content)
-    measured = next((n for n in content.numbers if n in times), PEAK)
-    names = () if measured != PEAK else (PEAK,)
+    for name in [*limits, *([] if measured is None else [measured])]:
+        if name not in content.numbers and name != PEAK:
+            raise DesatError(
+                f"{targets[0]}: no number {name}{nearest(name, content.numbers)}; there "
+                f"is {', '.join((*content.numbers, PEAK))}"
+            )
+    measured = measured or _usual_number(system)
+    names = (PEAK,) if PEAK in (measured, *limits) else ()
     without: dict[str, str] = {}
     tasks: list[tuple[Any, ...]] = []
     flights: list[tuple[Fault, Contender, int]] = []
@@ -291,7 +305,7 @@ def fly_faults(
         rows = rows_of(tasks, jobs, targets[0], progress, runner=JudgedSample)
     table: dict[str, tuple[Fault, tuple[Outcome, ...]]] = {}
     for fault, _, n in flights:
-        outcome, rows = _outcome(rows[:n], measured), rows[n:]
+        outcome, rows = _outcome(rows[:n], measured, limits), rows[n:]
         before = table.get(fault.name, (fault, ()))[1]
         table[fault.name] = fault, (*before, outcome)
     declared_number = content.numbers.get(measured)
@@ -304,6 +318,17 @@ def fly_faults(
         table,
         without,
     )
+
+
+def _usual_number(system: System) -> str:
+    """Return the number by which faults are judged where none is named."""
+    content = content_of(system.about)
+    times = late(content)
+    if first := next((n for n in content.numbers if n in times), ""):
+        return first
+    if half_full(system) is not None or not content.numbers:
+        return PEAK
+    return next(iter(content.numbers))
 
 
 def _contenders(
@@ -357,7 +382,9 @@ def _with_fault(
     return target, values
 
 
-def _outcome(rows: Sequence[RunRow], measured: str) -> Outcome:
+def _outcome(
+    rows: Sequence[RunRow], measured: str, limits: Mapping[str, float]
+) -> Outcome:
     """Summarise the samples of a contender under a fault."""
     reasons: list[str] = []
     values: list[float] = []
@@ -367,6 +394,10 @@ def _outcome(rows: Sequence[RunRow], measured: str) -> Outcome:
         lines = list(row.unmet) if row.completed else [row.message or row.status]
         if row.completed and value is None and measured != PEAK:
             lines.append(f"{measured} is not reached")
+        for name, most in limits.items():
+            reached = row.numbers.get(name)
+            if row.completed and (reached is None or reached > most):
+                lines.append(f"{name} is above {number(most)}")
         failed += bool(lines)
         reasons += [x.partition(":")[0] for x in lines]
         values.append(np.inf if value is None or not row.completed else value)

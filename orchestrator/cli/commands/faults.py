@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 import typer
 
-from ...system.errors import Exit
+from ...system.errors import DesatError, Exit
 from .. import options as o
 from ..console import Sections, app, example, out, print_json, print_table
 
@@ -42,6 +43,20 @@ def faults(
         typer.Option(
             metavar="NAME",
             help="Fly this fault alone; again for others (default: all).",
+        ),
+    ] = None,
+    number: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Number of the scenario whose median is given (default: a time that it "
+            "measures, else the fill of the fullest wheel).",
+        ),
+    ] = None,
+    limit: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=MOST", help="A sample fails where this number is above MOST."
         ),
     ] = None,
     sets: o.Sets = None,
@@ -82,6 +97,8 @@ def faults(
         count,
         seed,
         names,
+        number,
+        dict(map(_limit, limit or [])),
         jobs,
         progress=not as_json,
     )
@@ -100,3 +117,15 @@ def faults(
     ]
     if any(x[0].failed > nominal[0].failed for x in rows):
         raise typer.Exit(Exit.UNMET)
+
+
+def _limit(text: str) -> tuple[str, float]:
+    """Parse `NAME=MOST`."""
+    name, _, value = text.partition("=")
+    try:
+        most = float(value)
+    except ValueError:
+        most = math.nan
+    if not name or math.isnan(most):
+        raise DesatError(f"--limit {text}: NAME=MOST is needed, as final_momentum=0.1")
+    return name, most
