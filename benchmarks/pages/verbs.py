@@ -34,6 +34,7 @@ from desat.papers import comparison as cells
 from desat.papers import stored, tables
 from desat.runs.prepare import read
 from desat.runs.run import Options, prepare
+from desat.studies import faults
 from desat.system.errors import DesatError, nearest
 from desat.system.expression import factor, product
 
@@ -61,6 +62,48 @@ class Verbs:
     def figures(self) -> dict[str, str]:
         """What was drawn: file name -> SVG."""
         return self._figures
+
+    # --- faults -----------------------------------------------------------------------
+
+    def where_it_breaks(
+        self,
+        laws: dict[str, str],
+        number: str | None = None,
+        limits: dict[str, float] | None = None,
+        samples: int = 40,
+    ) -> str:
+        """Under which faults scenarios break (`desat faults`): a sentence and a table
+        for scenario -> label. A draft flies two samples."""
+        names = [self._of.name_of(scenario) for scenario in laws]
+        found = faults.fly_faults(
+            names,
+            Options(stop=self._of.end_of(next(iter(laws)), None)),
+            faults.chosen([]),
+            samples if self._of.draft is None else 2,
+            1,
+            measured=number,
+            limits=limits or {},
+            jobs=self._of.jobs,
+        )
+        text = found.answer
+        for name, label in zip(names, laws.values(), strict=True):
+            text = text.replace(f"{name}:", f"{label}:").replace(
+                f"{name} breaks", f"{label} breaks"
+            )
+        title = f"{found.title} {spell_unit(found.unit)}".rstrip()
+        lines = [
+            f"**Where it breaks.** {text}",
+            "",
+            f"| {title}, median; samples of {samples} that fail | "
+            f"{' | '.join(laws.values())} |",
+            "|---" * (len(laws) + 1) + "|",
+        ]
+        for fault, outcomes in found.rows.values():
+            cells_of = " | ".join(outcome.text for outcome in outcomes)
+            lines.append(f"| {fault.title} | {cells_of} |")
+        if found.without:
+            lines += ["", f"Do not apply: {'; '.join(found.without)}."]
+        return "\n".join(lines)
 
     # --- values -----------------------------------------------------------------------
 

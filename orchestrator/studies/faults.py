@@ -10,7 +10,7 @@ import shutil
 import tempfile
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -26,7 +26,7 @@ from ..numbers.numbers import late
 from ..numbers.text import number, spell_unit
 from ..report.table import Column, Row, Table
 from ..runs.prepare import Target, prepare, read
-from ..runs.run import Options
+from ..runs.run import Options, simulate
 from ..system import discovery
 from ..system.errors import DesatError, nearest
 from ..system.model import System
@@ -106,6 +106,8 @@ class FaultTable:
             return f"{self.labels[k]}: no fault applies."
         fault, outcomes = max(faults, key=key)
         outcome = outcomes[k]
+        if nominal[k].failed == nominal[k].count:
+            return f"{self.labels[k]} fails without a fault: {nominal[k].reasons[0]}."
         if not any(row[1][k].failed > nominal[k].failed for row in faults):
             middle = "" if outcome.median is None else f" ({self._value(outcome)})"
             return f"{self.labels[k]}: no fault makes it fail; the worst is {fault.title}{middle}."
@@ -268,13 +270,7 @@ def fly_faults(
     first = contenders[0]
     system, _ = prepare(first.source, first.options).or_raise()
     content = content_of(system.about)
-    for name in [*limits, *([] if measured is None else [measured])]:
-        if name not in content.numbers and name != PEAK:
-            raise DesatError(
-                f"{targets[0]}: no number {name}{nearest(name, content.numbers)}; there "
-                f"is {', '.join((*content.numbers, PEAK))}"
-            )
-    measured = measured or _usual_number(system)
+    measured = _check_numbers(contenders, system, measured, limits)
     names = (PEAK,) if PEAK in (measured, *limits) else ()
     without: dict[str, str] = {}
     tasks: list[tuple[Any, ...]] = []
@@ -320,6 +316,34 @@ def fly_faults(
     )
 
 
+def _check_numbers(
+    contenders: Sequence[Contender],
+    system: System,
+    measured: str | None,
+    limits: Mapping[str, float],
+) -> str:
+    """Return the number by which faults are judged, which all contenders must have.
+
+    `system` is that of the first of them. Raises DesatError for one that lacks it.
+    """
+    first, content = contenders[0], content_of(system.about)
+    for name in [*limits, *([] if measured is None else [measured])]:
+        if name not in content.numbers and name != PEAK:
+            raise DesatError(
+                f"{first.source.text}: no number {name}{nearest(name, content.numbers)}; "
+                f"there is {', '.join((*content.numbers, PEAK))}"
+            )
+    chosen_one = measured or _usual_number(system)
+    for contender in contenders[1:]:
+        other, _ = prepare(contender.source, contender.options).or_raise()
+        if chosen_one not in (PEAK, *content_of(other.about).numbers):
+            raise DesatError(
+                f"{contender.label}: it has no number {chosen_one}, by which "
+                f"{first.source.text} is judged; --number names another"
+            )
+    return chosen_one
+
+
 def _usual_number(system: System) -> str:
     """Return the number by which faults are judged where none is named."""
     content = content_of(system.about)
@@ -358,6 +382,18 @@ def _with_fault(
     values = changes_of(fault, system.or_raise()[0])
     if isinstance(values, str):
         return values
+    first = system.or_raise()[0]
+    one_step = replace(
+        contender.options,
+        values={**contender.options.values, **values},
+        stop=first.start + first.step,
+        substeps=1,
+        supervised=True,
+    )
+    try:
+        simulate(prepare(contender.source, one_step))
+    except DesatError as error:  # as an inertia that no body has
+        return str(error).splitlines()[0]
     if added := fault.table.get("component"):
         ((name, block),) = added.items()
         scenario = contender.source.scenario
