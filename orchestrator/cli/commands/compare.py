@@ -116,18 +116,8 @@ def compare(
     if count is None:
         o.refuse(ctx, "it goes with -n", "seed")
     if laws is not None or law:
-        if len(targets) > 1:
-            raise DesatError(f"{' '.join(targets)}: --laws flies one craft")
-        if count is not None and html is not None:
-            raise DesatError(
-                "--html: only a ranking of one run each, without -n, has a page"
-            )
-        names = [x.strip() for x in (laws or "").split(",") if x.strip()]
-        if count is None:
-            _laws(targets[0], names, law or [], by, options, html, as_json)
-        else:
-            samples = count, seed, jobs
-            _sampled_laws(targets[0], names, law or [], by, options, samples, as_json)
+        samples = count, seed, jobs
+        _compare_laws(targets, laws, law or [], by, options, samples, html, as_json)
         return
     if by is not None:
         raise DesatError("--by: it ranks laws: --laws all")
@@ -159,6 +149,35 @@ def compare(
             comparison = study.side_by_side(targets, options, tell)
         page = html or Path("runs") / f"compare-{'-'.join(map(name_of, targets))}.html"
         _show(comparison, study.write(comparison, page), as_json)
+
+
+def _compare_laws(
+    targets: Sequence[str],
+    laws: str | None,
+    others: Sequence[str],
+    by: str | None,
+    options: Any,
+    samples: tuple[int | None, int, int],
+    html: Path | None,
+    as_json: bool,
+) -> None:
+    """Rank the laws of one craft, by a run each or over samples.
+
+    `samples` has their number or None, the seed and the number of processes.
+    """
+    if len(targets) > 1:
+        raise DesatError(f"{' '.join(targets)}: --laws flies one craft")
+    names = [x.strip() for x in (laws or "").split(",") if x.strip()]
+    count, seed, jobs = samples
+    if count is None:
+        _laws(targets[0], names, others, by, options, html, as_json)
+        return
+    if html is not None:
+        raise DesatError(
+            "--html: only a ranking of one run each, without -n, has a page"
+        )
+    of_samples = count, seed, jobs
+    _sampled_laws(targets[0], names, others, by, options, of_samples, as_json)
 
 
 def _laws(
