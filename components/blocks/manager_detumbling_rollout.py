@@ -232,19 +232,21 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
                 f"{self.rate_limit}: it would never be detumbled"
             )
         a = self.inertia
-        self._doubts = craft_filter.Doubts(
+        doubts = craft_filter.Doubts(
             UNKNOWN_RATE,
             self.field_noise,
             self.inertia_spread * (a[0] + a[4] + a[8]) / 3.0,
             self.coil_spread,
             self.coupling_spread,
         )
+        self._setting = craft_filter.Setting(
+            doubts, carrier, self.rate_noise, self.field_turn
+        )
         self._is_doubting = (
             self.rate_from == FILTER
             and max(self.inertia_spread, self.coil_spread, self.coupling_spread) > 0.0
         )
-        self._told = carrier
-        self._craft, self._doubt = craft_filter.begin(carrier, ZERO, ZERO, self._doubts)
+        self._craft, self._doubt = craft_filter.begin(ZERO, ZERO, self._setting)
         self._signs: Vec3 = (1.0, 1.0, 1.0)
         self._surprises = self.filter_restarts = 0
         self._trust()
@@ -471,31 +473,31 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         if self._omega is None:
             self._begin_learning()
             return
-        m = self.m_cmd_body
-        x, p = craft_filter.predicted(
+        elapsed = t - self._t_before
+        self._craft, self._doubt, surprise = craft_filter.updated(
             self._craft,
             self._doubt,
-            m,
-            self._wheel_torque(t - self._t_before),
-            rollout.along(self.axes_wheel, self._h_before),
-            craft_filter.Drift(self.rate_noise, self.field_turn, t - self._t_before),
+            craft_filter.Passed(
+                elapsed,
+                self.m_cmd_body,
+                self._wheel_torque(elapsed),
+                rollout.along(self.axes_wheel, self._h_before),
+                self._b,
+            ),
+            self._setting,
+            self._is_familiar(),
         )
-        x, p, surprise = craft_filter.corrected(
-            x, p, self._b, m, self.field_noise, self._is_familiar()
-        )
-        x = craft_filter.bounded(x, self._told, self._doubts)
         self._surprises = self._surprises + 1 if surprise > SURPRISE else 0
-        if self._surprises >= SURPRISES or not craft_filter.is_sound(x, p):
+        if self._surprises >= SURPRISES or surprise >= craft_filter.UNSOUND:
             self.filter_restarts += 1
             self._begin_learning()
             return
-        self._craft, self._doubt = x, p
         self._show()
 
     def _begin_learning(self) -> None:
         """Let the filter begin, with all of its doubts, at this sample's field."""
         self._craft, self._doubt = craft_filter.begin(
-            self._told, self._b, self.m_cmd_body, self._doubts
+            self._b, self.m_cmd_body, self._setting
         )
         self._surprises = 0
         self._drop()

@@ -39,6 +39,7 @@ MOVING = INERTIA  # rate and field; the others are constant
 UNDERWEIGHT = 0.2  # share of the state's part of an innovation's variance (Lear)
 PRODUCTS = 0.2  # spread of a product of inertia over that of a moment
 BOUND = 4.0  # spreads from its first value at which a constant is held
+UNSOUND = 1e30  # in place of an innovation's square over its variance
 LEAST_MOMENT = 0.2  # share of its first value at which a moment is held
 _AXES: tuple[Vec3, Vec3, Vec3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
@@ -53,34 +54,44 @@ class Doubts(NamedTuple):
     coupling: float  # T/(A m2), of an element of K
 
 
-class Drift(NamedTuple):
-    """Random walks over a root second, and time."""
+class Passed(NamedTuple):
+    """What happened to the craft from the last sample to this one."""
 
-    rate: float  # rad/s
-    field: float  # T
     elapsed: float  # s
+    dipole: Vec3  # A m2, commanded, body
+    tau: Vec3  # N m, the wheels' torque on the body
+    wheel: Vec3  # N m s, the wheels' momentum at the last sample, body
+    field: Vec3  # T, measured at this sample with the coils' in it, body
 
 
-def begin(carrier: Mat33, b: Vec3, dipole: Vec3, doubts: Doubts) -> tuple[Table, Table]:
+class Setting(NamedTuple):
+    """What the filter is set to."""
+
+    doubts: Doubts
+    told: Mat33  # kg m2, J_r with which it began
+    rate_noise: float  # rad/s, random walk over a root second
+    field_turn: float  # T, random walk over a root second
+
+
+def begin(b: Vec3, dipole: Vec3, setting: Setting) -> tuple[Table, Table]:
     """Return the first state (24) and covariance (24 x 24, row-major).
 
     Parameters
     ----------
-    carrier : Mat33
-        J_r as told (kg m2, body).
     b : Vec3
         Measured field (T, body).
     dipole : Vec3
         Commanded dipole at the time of that measurement (A m2, body).
-    doubts : Doubts
-        Standard deviations.
+    setting : Setting
+        Of the filter.
     """
+    doubts = setting.doubts
     x = [0.0] * STATES
     p = [0.0] * (STATES * STATES)
     for i in range(3):
         x[FIELD + i] = b[i]
         x[COILS + i] = 1.0
-    first = _elements(carrier)
+    first = _elements(setting.told)
     for i in range(6):
         x[INERTIA + i] = first[i]
     seen = dipole[0] * dipole[0] + dipole[1] * dipole[1] + dipole[2] * dipole[2]
@@ -152,46 +163,73 @@ def _sign(x: Table, p: Table, state: int) -> float:
     return -1.0 if turned else 1.0
 
 
-def predicted(
-    x: Table, p: Table, dipole: Vec3, tau: Vec3, wheel: Vec3, drift: Drift
-) -> tuple[Table, Table]:
-    """Propagate state and covariance over the time since the last sample.
+def updated(
+    x: Table, p: Table, passed: Passed, setting: Setting, learns: bool
+) -> tuple[Table, Table, float]:
+    """Propagate to this sample and correct by its field.
 
     Parameters
     ----------
     x, p : Table
         State (24) and covariance (24 x 24) at the last sample.
-    dipole : Vec3
-        Commanded dipole since then (A m2, body).
-    tau : Vec3
-        The wheels' torque on the body since then (N m, body).
-    wheel : Vec3
-        The wheels' momentum at the last sample (N m s, body).
-    drift : Drift
-        Random walks, and the time.
+    passed : Passed
+        What happened since.
+    setting : Setting
+        Of the filter.
+    learns : bool
+        Whether what is constant is estimated, or only considered.
+
+    Returns
+    -------
+    tuple
+        State, covariance, and the largest square of an innovation over its variance (1);
+        `UNSOUND` where the covariance or the inertia cannot be that of anything.
     """
     state = [0.0] * STATES
     covariance = [0.0] * (STATES * STATES)
-    effects = [0.0] * (MOVING * STATES)
     for i in range(STATES):
         state[i] = x[i]
     for i in range(STATES * STATES):
         covariance[i] = p[i]
+    _predict(state, covariance, x, passed, setting)
+    worst = _correct(state, covariance, passed, setting.doubts.field, learns)
+    _bound(state, setting)
+    if not _is_sound(state, covariance):
+        worst = UNSOUND
+    return tuple(state), tuple(covariance), worst
+
+
+def _predict(
+    state: list[float],
+    covariance: list[float],
+    x: Table,
+    passed: Passed,
+    setting: Setting,
+) -> None:
+    """Propagate the state, whose copy x is, and its covariance in place."""
+    effects = [0.0] * (MOVING * STATES)
+    elapsed, dipole = passed.elapsed, passed.dipole
     m = (x[12] * dipole[0], x[13] * dipole[1], x[14] * dipole[2])
     carrier = carrier_of(x)
     inverted = inverse(carrier)
     omega, b = rate_observer.predicted(
-        rate_of(x), field_of(x), m, tau, wheel, carrier, inverted, drift.elapsed
+        rate_of(x),
+        field_of(x),
+        m,
+        passed.tau,
+        passed.wheel,
+        carrier,
+        inverted,
+        elapsed,
     )
-    _fill_moving(effects, x, wheel, inverted, drift.elapsed)
-    _fill_constants(effects, x, omega, dipole, inverted, drift.elapsed)
+    _fill_moving(effects, x, passed.wheel, inverted, elapsed)
+    _fill_constants(effects, x, omega, dipole, inverted, elapsed)
     kalman.predict(covariance, effects, MOVING, STATES)
     for i in range(3):
         state[i], state[FIELD + i] = omega[i], b[i]
         of_rate, of_field = (STATES + 1) * i, (STATES + 1) * (FIELD + i)
-        covariance[of_rate] += drift.rate * drift.rate * drift.elapsed
-        covariance[of_field] += drift.field * drift.field * drift.elapsed
-    return tuple(state), tuple(covariance)
+        covariance[of_rate] += setting.rate_noise * setting.rate_noise * elapsed
+        covariance[of_field] += setting.field_turn * setting.field_turn * elapsed
 
 
 def _fill_moving(
@@ -273,46 +311,28 @@ def _by_unit(element: int, a: Vec3) -> Vec3:
     return (a[2], 0.0, a[0]) if element == 4 else (0.0, a[2], a[1])
 
 
-def corrected(
-    x: Table, p: Table, measured: Vec3, dipole: Vec3, noise: float, learns: bool
-) -> tuple[Table, Table, float]:
-    """Correct by a measured field, one axis after the other.
+def _correct(
+    state: list[float],
+    covariance: list[float],
+    passed: Passed,
+    noise: float,
+    learns: bool,
+) -> float:
+    """Correct in place by the measured field, one axis after the other.
 
-    Parameters
-    ----------
-    x, p : Table
-        State (24) and covariance (24 x 24), predicted.
-    measured : Vec3
-        Field (T, body), with that of the coils in it.
-    dipole : Vec3
-        Commanded dipole at that time (A m2, body).
-    noise : float
-        Standard deviation of the magnetometer, each axis (T).
-    learns : bool
-        Whether what is constant is estimated, or only considered.
-
-    Returns
-    -------
-    tuple
-        State, covariance, and the largest innovation of an axis over its standard
-        deviation (1); infinite where its variance is not positive.
+    noise (T) is the standard deviation in each axis. The result is the largest square
+    of an innovation over its variance.
     """
-    state = [0.0] * STATES
-    covariance = [0.0] * (STATES * STATES)
     product = [0.0] * STATES
-    for i in range(STATES):
-        state[i] = x[i]
-    for i in range(STATES * STATES):
-        covariance[i] = p[i]
+    dipole = passed.dipole
     estimated = STATES if learns else MOVING
     worst = 0.0
     for axis in range(3):
         k = COUPLING + 3 * axis
         for i in range(STATES):
             row = STATES * i
-            product[i] = (
-                covariance[row + FIELD + axis]
-                + covariance[row + k] * dipole[0]
+            product[i] = covariance[row + FIELD + axis] + (
+                covariance[row + k] * dipole[0]
                 + covariance[row + k + 1] * dipole[1]
                 + covariance[row + k + 2] * dipole[2]
             )
@@ -321,35 +341,34 @@ def corrected(
             + product[k + 1] * dipole[1]
             + product[k + 2] * dipole[2]
         )
-        innovation = measured[axis] - (
-            state[FIELD + axis]
-            + state[k] * dipole[0]
-            + state[k + 1] * dipole[1]
-            + state[k + 2] * dipole[2]
+        expected = state[FIELD + axis] + (
+            state[k] * dipole[0] + state[k + 1] * dipole[1] + state[k + 2] * dipole[2]
         )
-        variance = (1.0 + UNDERWEIGHT) * of_state + noise * noise
+        innovation = passed.field[axis] - expected
         worst = max(worst, surprise(innovation, of_state + noise * noise))
         kalman.correct_first(
-            state, covariance, product, innovation, variance, estimated
+            state,
+            covariance,
+            product,
+            innovation,
+            (1.0 + UNDERWEIGHT) * of_state + noise * noise,
+            estimated,
         )
-    return tuple(state), tuple(covariance), worst
+    return worst
 
 
 def surprise(innovation: float, variance: float) -> float:
-    """Return an innovation's square over its variance (1), 1e30 where that is no number."""
+    """Return an innovation's square over its variance (1); UNSOUND if that is no number."""
     if not (variance > 0.0 and isfinite(variance) and isfinite(innovation)):
-        return 1e30
+        return UNSOUND
     return innovation * innovation / variance
 
 
-def bounded(x: Table, carrier: Mat33, doubts: Doubts) -> Table:
-    """Return the state with its constants within BOUND spreads of the first ones."""
-    state = [0.0] * STATES
-    for i in range(STATES):
-        state[i] = x[i]
-    first = _elements(carrier)
+def _bound(state: list[float], setting: Setting) -> None:
+    """Hold the constants within BOUND standard deviations of their first values."""
+    first = _elements(setting.told)
     for i in range(INERTIA, STATES):
-        reach = BOUND * deviation_of(doubts, i)
+        reach = BOUND * deviation_of(setting.doubts, i)
         middle = 0.0
         if i < COILS:
             middle = first[i - INERTIA]
@@ -359,22 +378,18 @@ def bounded(x: Table, carrier: Mat33, doubts: Doubts) -> Table:
         if i < INERTIA + 3:
             low = max(low, LEAST_MOMENT * middle)
         state[i] = min(max(state[i], low), middle + reach)
-    return tuple(state)
 
 
-def is_sound(x: Table, p: Table) -> bool:
-    """Return whether the covariance is that of something, and the inertia a body's.
-
-    No variance is below zero, all are finite, and J_r is positive definite.
-    """
+def _is_sound(state: list[float], covariance: list[float]) -> bool:
+    """Return whether all is finite, no variance negative and J_r positive definite."""
     for i in range(STATES):
-        variance = p[(STATES + 1) * i]
-        if not (variance >= 0.0 and isfinite(variance) and isfinite(x[i])):
+        variance = covariance[(STATES + 1) * i]
+        if not (variance >= 0.0 and isfinite(variance) and isfinite(state[i])):
             return False
-    a, b, c, _, e, f, _, _, i3 = carrier_of(x)
-    minor = a * e - b * b
-    determinant = a * (e * i3 - f * f) - b * (b * i3 - f * c) + c * (b * f - e * c)
-    return a > 0.0 and minor > 0.0 and determinant > 0.0
+    a, b, c = state[INERTIA], state[INERTIA + 3], state[INERTIA + 4]
+    e, f, g = state[INERTIA + 1], state[INERTIA + 5], state[INERTIA + 2]
+    determinant = a * (e * g - f * f) - b * (b * g - f * c) + c * (b * f - e * c)
+    return a > 0.0 and a * e - b * b > 0.0 and determinant > 0.0
 
 
 def _elements(carrier: Mat33) -> Table:
