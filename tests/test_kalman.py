@@ -62,10 +62,10 @@ def test_states_that_are_only_considered_keep_value_and_doubt(
     total = float(c @ product + variance)
     kalman.correct_first(x, p, product.tolist(), innovation, total, estimated)
     gain = np.where(np.arange(states) < estimated, product / total, 0.0)
-    left = np.eye(states) - np.outer(gain, c)
+    remainder = np.eye(states) - np.outer(gain, c)
     np.testing.assert_allclose(x, before + gain * innovation, rtol=1e-12, atol=1e-14)
     after = np.reshape(p, (states, states))
-    expected = left @ covariance @ left.T + variance * np.outer(gain, gain)
+    expected = remainder @ covariance @ remainder.T + variance * np.outer(gain, gain)
     np.testing.assert_allclose(after, expected, rtol=1e-8, atol=1e-10)
     assert np.array_equal(after, after.T)
 

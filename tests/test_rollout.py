@@ -551,7 +551,7 @@ def test_it_learns_the_inertia_and_the_coupling_once_the_rate_is_known() -> None
     assert max(map(abs, flight.omega)) < block.rate_limit
     assert block.filter_restarts == 0
     # what the rates show are ratios of moments
-    first = np.reshape(block._setting.told, (3, 3)).diagonal()
+    first = np.reshape(block._setting.carrier, (3, 3)).diagonal()
     now = np.reshape(block._carrier, (3, 3)).diagonal()
     true = np.reshape(CARRIER, (3, 3)).diagonal()
     error = abs(now[0] / now[1] - true[0] / true[1])
@@ -574,8 +574,8 @@ def test_a_coil_that_turns_out_to_be_turned_is_commanded_the_other_way() -> None
     block = flight.go(300)
     assert block._signs == (1.0, -1.0, 1.0)
     assert block._craft[12:15] == pytest.approx((1.0, -1.0, 1.0), abs=0.5)
-    wanted = all_coils(block.omega_est_body, block._b, block.gain)
-    assert block.m_cmd_body[1] * wanted[1] < 0.0 < block.m_cmd_body[0] * wanted[0]
+    by_law = all_coils(block.omega_est_body, block._b, block.gain)
+    assert block.m_cmd_body[1] * by_law[1] < 0.0 < block.m_cmd_body[0] * by_law[0]
 
 
 def test_a_filter_that_is_lost_begins_anew_and_says_so() -> None:

@@ -340,12 +340,12 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         else:
             self._plan(t, omega)
         if self.valid_b and not self._is_waiting():
-            wanted = clip(all_coils(omega, self._b, self._coil_gain()), self.m_limit)
+            command = clip(all_coils(omega, self._b, self._coil_gain()), self.m_limit)
             signs = self._signs
             self.m_cmd_body = (
-                signs[0] * wanted[0],
-                signs[1] * wanted[1],
-                signs[2] * wanted[2],
+                signs[0] * command[0],
+                signs[1] * command[1],
+                signs[2] * command[2],
             )
         self.coil_saturated = any(abs(x) >= self.m_limit for x in self.m_cmd_body)
         self.tau_cmd_wheel = self._command(t, omega)

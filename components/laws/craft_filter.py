@@ -68,7 +68,7 @@ class Setting(NamedTuple):
     """What the filter is set to."""
 
     doubts: Doubts
-    told: Mat33  # kg m2, J_r with which it began
+    carrier: Mat33  # kg m2, J_r with which it began
     rate_noise: float  # rad/s, random walk over a root second
     field_turn: float  # T, random walk over a root second
 
@@ -91,7 +91,7 @@ def begin(b: Vec3, dipole: Vec3, setting: Setting) -> tuple[Table, Table]:
     for i in range(3):
         x[FIELD + i] = b[i]
         x[COILS + i] = 1.0
-    first = _elements(setting.told)
+    first = _elements(setting.carrier)
     for i in range(6):
         x[INERTIA + i] = first[i]
     seen = dipole[0] * dipole[0] + dipole[1] * dipole[1] + dipole[2] * dipole[2]
@@ -366,7 +366,7 @@ def surprise(innovation: float, variance: float) -> float:
 
 def _bound(state: list[float], setting: Setting) -> None:
     """Hold the constants within BOUND standard deviations of their first values."""
-    first = _elements(setting.told)
+    first = _elements(setting.carrier)
     for i in range(INERTIA, STATES):
         reach = BOUND * deviation_of(setting.doubts, i)
         middle = 0.0
