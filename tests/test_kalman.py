@@ -43,3 +43,48 @@ def test_scalar_updates_are_the_update_by_a_vector(
         rtol=1e-8,
         atol=1e-10,
     )
+
+
+@given(st.integers(0, 10_000), st.integers(1, 6), st.integers(0, 4))
+def test_states_that_are_only_considered_keep_value_and_doubt(
+    seed: int, estimated: int, considered: int
+) -> None:
+    """Against Joseph's form, which holds for any gain."""
+    generator = np.random.default_rng(seed)
+    states = estimated + considered
+    factor = generator.normal(size=(states, states))
+    covariance = factor @ factor.T + 0.1 * np.eye(states)
+    c, variance = generator.normal(size=states), generator.uniform(0.1, 2.0)
+    before = generator.normal(size=states)
+    x, p = before.tolist(), covariance.ravel().tolist()
+    product = covariance @ c
+    innovation = 0.7
+    total = float(c @ product + variance)
+    kalman.correct_first(x, p, product.tolist(), innovation, total, estimated)
+    gain = np.where(np.arange(states) < estimated, product / total, 0.0)
+    remainder = np.eye(states) - np.outer(gain, c)
+    np.testing.assert_allclose(x, before + gain * innovation, rtol=1e-12, atol=1e-14)
+    after = np.reshape(p, (states, states))
+    expected = remainder @ covariance @ remainder.T + variance * np.outer(gain, gain)
+    np.testing.assert_allclose(after, expected, rtol=1e-8, atol=1e-10)
+    assert np.array_equal(after, after.T)
+
+
+@given(st.integers(0, 10_000), st.integers(1, 6), st.integers(0, 4))
+def test_a_covariance_whose_first_states_move_is_f_p_f(
+    seed: int, moving: int, constant: int
+) -> None:
+    generator = np.random.default_rng(seed)
+    states = moving + constant
+    factor = generator.normal(size=(states, states))
+    covariance = factor @ factor.T
+    covariance = 0.5 * (covariance + covariance.T)
+    transition = np.eye(states)
+    transition[:moving] = generator.normal(size=(moving, states))
+    p = covariance.ravel().tolist()
+    kalman.predict(p, transition[:moving].ravel().tolist(), moving, states)
+    after = np.reshape(p, (states, states))
+    np.testing.assert_allclose(
+        after, transition @ covariance @ transition.T, rtol=1e-9, atol=1e-10
+    )
+    assert np.array_equal(after[moving:], after[:, moving:].T)

@@ -21,7 +21,8 @@ from desat.components.blocks.manager_detumbling_rollout import (
     missed,
 )
 from desat.components.contract.block import BlockError, Vec3, Vec4
-from desat.components.laws import rate_filter, rate_observer, rollout
+from desat.components.laws import craft_filter, rate_filter, rate_observer, rollout
+from desat.components.laws.acquisition import all_coils
 from desat.components.maths.vector import ZERO, cross, mat_vec
 from desat.components.physics.gyrostat import carrier_inertia, inverse_inertia
 
@@ -231,7 +232,12 @@ class Flight:
     """A block and a model of the craft that differs by a wheel that is dead or rubs."""
 
     def __init__(
-        self, friction: float = 0.0, dead: bool = False, **parameters: object
+        self,
+        friction: float = 0.0,
+        dead: bool = False,
+        coils: Vec3 = (1.0, 1.0, 1.0),
+        coupling: float = 0.0,
+        **parameters: object,
     ) -> None:
         self.block = ManagerDetumblingRollout()
         values = {
@@ -248,22 +254,26 @@ class Flight:
         self.block.omega_bi_body = self.omega = (0.05, -0.05, 0.05)
         self.b, self.h, self.t = FIELD, STILL, 0.0
         self.friction, self.dead = friction, dead
+        self.coils, self.coupling = np.array(coils), coupling
         self.block.start()
 
     def go(self, steps: int) -> ManagerDetumblingRollout:
         block = self.block
         for _ in range(steps):
-            block.omega_bi_body, block.b_body, block.h_wheel = (
-                self.omega,
-                self.b,
-                self.h,
-            )
+            gives = self.coils * block.m_cmd_body
+            block.omega_bi_body, block.h_wheel = self.omega, self.h
+            block.b_body = tuple(self.b + self.coupling * gives)
             block.compute(self.t, 1.0)
             u = block.tau_cmd_wheel
             first = 0.0 if self.dead else u[0] - self.friction
             u = (first, u[1], 0.0, 0.0)
             self.omega, self.b = rollout.stepped(
-                MODEL, self.omega, self.b, self.h, block.m_cmd_body, u
+                MODEL,
+                self.omega,
+                self.b,
+                self.h,
+                tuple(self.coils * block.m_cmd_body),
+                u,
             )
             self.h = (self.h[0] + u[0], self.h[1] + u[1], 0.0, 0.0)
             self.t += 1.0
@@ -430,3 +440,165 @@ def test_the_known_field_of_the_coils_is_taken_off() -> None:
     seen = flight.b
     flight.go(1)
     assert flight.block._b == pytest.approx((seen[0] - 1e-5 * m[0], seen[1], seen[2]))
+
+
+DOUBTS = {"inertia_spread": 0.1, "coil_spread": 0.5, "coupling_spread": 4e-6}
+OFF = tuple(
+    1.1 * x if k == 0 else 0.9 * x if k == 4 else x for k, x in enumerate(INERTIA)
+)
+
+
+def setting(moment: float, coil: float, coupling: float) -> craft_filter.Setting:
+    doubts = craft_filter.Doubts(0.2, 3e-7, moment, coil, coupling)
+    return craft_filter.Setting(doubts, CARRIER, 3e-5, 3e-7)
+
+
+def test_what_a_constant_does_is_what_another_one_would_have_done() -> None:
+    """The columns of inertia and coils against two predictions by other constants."""
+    carrier = tuple(np.add(CARRIER, (0, 0.01, -0.02, 0.01, 0, 0.015, -0.02, 0.015, 0)))
+    omega, dipole, wheel = (0.09, -0.06, 0.11), (2.0, -1.5, 1.0), (0.01, -0.02, 0.005)
+    begun = craft_filter.Setting(
+        craft_filter.Doubts(0.2, 3e-7, 0.01, 0.5, 0.0), carrier, 0.0, 0.0
+    )
+    x, _ = craft_filter.begin(FIELD, ZERO, begun)
+    x = omega + x[3:]
+    tau = (1e-3, -5e-4, 2e-4)
+
+    def ended(x: tuple[float, ...]) -> np.ndarray:
+        j = craft_filter.carrier_of(x)
+        m = tuple(np.multiply(x[12:15], dipole))
+        ends = rate_observer.predicted(
+            x[:3], x[3:6], m, tau, wheel, j, inverse_inertia(j), 0.5
+        )
+        return np.concatenate(ends)
+
+    effects = [0.0] * (6 * craft_filter.STATES)
+    inverse = inverse_inertia(carrier)
+    craft_filter._fill_moving(effects, x, wheel, inverse, 0.5)
+    after = tuple(ended(x)[:3])
+    craft_filter._fill_constants(effects, x, after, dipole, inverse, 0.5)
+    matrix = np.reshape(effects, (6, craft_filter.STATES))
+    for state in range(15):
+        step = 1e-4 * (3e-5 if 3 <= state < 6 else 1.0)
+        more, less = (
+            tuple(v + s * (k == state) for k, v in enumerate(x)) for s in (step, -step)
+        )
+        slope = (ended(more) - ended(less)) / (2.0 * step)
+        size = np.max(np.abs(slope[:3])), np.max(np.abs(slope[3:]))
+        # what the field's error does to the rate by a dipole is left out
+        if not 3 <= state < 6:
+            of_rate = pytest.approx(slope[:3], abs=0.05 * size[0] + 1e-12)
+            assert matrix[:3, state] == of_rate
+        assert matrix[3:, state] == pytest.approx(slope[3:], abs=0.1 * size[1] + 1e-12)
+    assert not matrix[:, 15:].any()
+
+
+def test_what_is_certain_stays_and_what_is_unknown_is_only_considered() -> None:
+    passed = craft_filter.Passed(1.0, (2.0, -2.0, 2.0), ZERO, ZERO, (3e-5, -1e-5, 2e-5))
+    for certain in (setting(0.0, 0.0, 0.0), setting(0.03, 0.5, 4e-6)):
+        x, p = craft_filter.begin(FIELD, ZERO, certain)
+        first = x
+        learns = certain.doubts.moment == 0.0
+        x, p, _ = craft_filter.updated(x, p, passed, certain, learns)
+        assert x[6:] == first[6:]
+        assert x[:6] != first[:6]
+    matrix = np.reshape(p, (24, 24))
+    assert np.array_equal(matrix, matrix.T)
+    begun = np.reshape(craft_filter.begin(FIELD, ZERO, certain)[1], (24, 24))
+    assert np.array_equal(matrix[6:, 6:], begun[6:, 6:])
+    x, p, _ = craft_filter.updated(x, p, passed, certain, True)
+    assert x[12:15] != first[12:15]
+
+
+def test_a_field_that_is_no_number_or_a_negative_variance_is_unsound() -> None:
+    it = setting(0.03, 0.5, 4e-6)
+    x, p = craft_filter.begin(FIELD, ZERO, it)
+    passed = craft_filter.Passed(1.0, ZERO, ZERO, ZERO, FIELD)
+    assert craft_filter.updated(x, p, passed, it, True)[2] < 1.0
+    wrong = passed._replace(field=(inf, 0.0, 0.0))
+    assert craft_filter.updated(x, p, wrong, it, True)[2] == craft_filter.UNSOUND
+    negative = tuple(-1.0 if k == 25 * 12 else v for k, v in enumerate(p))
+    assert (
+        craft_filter.updated(x, negative, passed, it, True)[2] == craft_filter.UNSOUND
+    )
+
+
+def test_a_constant_is_held_within_four_deviations() -> None:
+    it = setting(0.5, 0.5, 4e-6)
+    x, p = craft_filter.begin(FIELD, ZERO, it)
+    far = x[:6] + (-9.0, 9.0, 0.3, 9.0, 0.0, 0.0) + (-7.0, 1.0, 8.0) + (1.0,) * 9
+    state = list(far)
+    craft_filter._bound(state, it)
+    assert state[6] == pytest.approx(craft_filter.LEAST_MOMENT * CARRIER[0])
+    assert state[7] == pytest.approx(CARRIER[4] + 2.0)
+    assert state[9] == pytest.approx(0.4)
+    assert state[12:15] == [-1.0, 1.0, 3.0]
+    assert state[15:] == pytest.approx([1.6e-5] * 9)
+    # moments so small, with such a product, belong to nothing
+    still = craft_filter.Passed(1.0, ZERO, ZERO, ZERO, FIELD)
+    thin = (*x[:6], 0.06, 0.06, 0.06, 0.05, 0.05, -0.05, *x[12:])
+    assert craft_filter.updated(thin, p, still, it, False)[2] == craft_filter.UNSOUND
+
+
+def test_it_learns_the_inertia_and_the_coupling_once_the_rate_is_known() -> None:
+    flight = Flight(rate_from=FILTER, coupling=5e-6, inertia=OFF, **DOUBTS)
+    flight.omega = (0.1, -0.1, 0.1)
+    block = flight.go(1)
+    assert not any(block.m_cmd_body)
+    assert not block._is_familiar()
+    block = flight.go(900)
+    assert block.mode == DETUMBLED
+    assert max(map(abs, flight.omega)) < block.rate_limit
+    assert block.filter_restarts == 0
+    # what the rates show are ratios of moments
+    first = np.reshape(block._setting.carrier, (3, 3)).diagonal()
+    now = np.reshape(block._carrier, (3, 3)).diagonal()
+    true = np.reshape(CARRIER, (3, 3)).diagonal()
+    error = abs(now[0] / now[1] - true[0] / true[1])
+    assert error < 0.3 * abs(first[0] / first[1] - true[0] / true[1])
+    assert np.diag(np.reshape(block._craft[15:], (3, 3))) == pytest.approx(
+        5e-6, rel=0.2
+    )
+    assert block.inertia == OFF
+
+
+def test_a_coil_that_turns_out_to_be_turned_is_commanded_the_other_way() -> None:
+    flight = Flight(
+        rate_from=FILTER,
+        coils=(1.0, -1.0, 1.0),
+        coil_spread=0.5,
+        gain_wheel=0.0,
+        rounds=0,
+    )
+    flight.omega = (0.1, -0.1, 0.1)
+    block = flight.go(300)
+    assert block._signs == (1.0, -1.0, 1.0)
+    assert block._craft[12:15] == pytest.approx((1.0, -1.0, 1.0), abs=0.5)
+    by_law = all_coils(block.omega_est_body, block._b, block.gain)
+    assert block.m_cmd_body[1] * by_law[1] < 0.0 < block.m_cmd_body[0] * by_law[0]
+
+
+def test_a_filter_that_is_lost_begins_anew_and_says_so() -> None:
+    flight = Flight(rate_from=FILTER, **DOUBTS)
+    block = flight.go(60)
+    assert block._is_familiar()
+    counts = []
+    for k in range(6):
+        flight.b = (2e-5, -1e-5, 2.5e-5) if k % 2 else (-2e-5, 3e-5, 1e-5)
+        counts.append(flight.go(1).filter_restarts)
+    assert counts == [0, 0, 0, 0, 1, 1]
+    assert not block._is_familiar()
+
+
+def test_an_inertia_of_no_body_and_spreads_beyond_one_are_refused() -> None:
+    for inertia in (
+        (1.0, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.1),
+        (0.3, 0.5, 0.0, 0.5, 0.3, 0.0, 0.0, 0.0, 0.3),
+    ):
+        with pytest.raises(BlockError, match="principal moment"):
+            Flight(inertia=inertia)
+    bounds = {v.name: v for v in ManagerDetumblingRollout.variables}
+    assert bounds["inertia_spread"].maximum == 1.0
+    assert bounds["coil_spread"].maximum == 1.0
+    block = Flight(rate_from=FILTER, inertia_spread=1.0).go(100)
+    assert all(map(np.isfinite, block.m_cmd_body))

@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 from ..contract.block import SPIN, Mat33, Output, Parameter, Vec3, Vec4
 from ..contract.roles import Manager, WheelInertias
-from ..laws import rate_filter, rate_observer, rollout
+from ..laws import craft_filter, rate_filter, rate_observer, rollout
 from ..laws.acquisition import all_coils, within
-from ..maths.vector import ZERO, clip, dot, mat_vec, sub
-from ..physics.gyrostat import carrier_inertia, inverse_inertia
+from ..maths.vector import ZERO, clip, dot, inverse, mat_vec, sub
+from ..physics.gyrostat import carrier_inertia, check_inertia, inverse_inertia
 
 IDLE, BRAKING, PLANNED, DETUMBLED = range(4)
 GYRO, FILTER = range(2)
@@ -18,6 +18,11 @@ FRICTION_TIME = 5.0  # s over which a wheel's friction is averaged
 # Consecutive samples at which a wheel does not follow, after which it is taken for
 # dead.
 MISSES = 5
+# rad/s, of each axis: standard deviation from which on inertia, coils and coupling are
+# estimated, and dipoles are commanded where the coupling is doubted
+FAMILIAR_RATE = 0.02
+SURPRISE = 36.0  # square of an innovation over its variance that no filter may show ...
+SURPRISES = 5  # ... so many samples in a row: it is lost
 _STILL: Vec4 = (0.0, 0.0, 0.0, 0.0)
 
 
@@ -58,6 +63,15 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
     only where the covariance is small enough. Without a valid rate nothing is
     commanded. Without a valid field there is no dipole and no search, and the filter
     restarts. Without a valid h_wheel there is no search.
+
+    **Doubt.** Where `inertia_spread`, `coil_spread` or `coupling_spread` is above 0, the
+    filter also estimates the inertia, what each coil gives and the coils' field at the
+    magnetometer (`components.laws.craft_filter`), once every rate is known to 0.02 rad/s.
+    The model flies the inertia estimated, and a coil that turns out to be turned is
+    commanded the other way. Where the coupling is doubted there is no dipole before. A
+    filter that is lost starts anew (`filter_restarts`): its innovation is beyond six
+    standard deviations five samples in a row, its covariance has a negative variance, or
+    its inertia is not positive definite.
 
     **Wheels.** The difference between a wheel's command and the change of its momentum
     is taken for friction and added to the command. A wheel that gives less than a fifth
@@ -122,6 +136,25 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
     field_turn: float = Parameter(
         "T", "filter: random walk of the field over a root second", start=3e-7, min=0.0
     )
+    inertia_spread: float = Parameter(
+        "1",
+        "filter: standard deviation of a moment of inertia over their mean; a product's is "
+        "a fifth of it; 0: certain",
+        min=0.0,
+        max=1.0,
+    )
+    coil_spread: float = Parameter(
+        "1",
+        "filter: standard deviation of what a coil gives of its command; 0: certain",
+        min=0.0,
+        max=1.0,
+    )
+    coupling_spread: float = Parameter(
+        "T/(A.m2)",
+        "filter: standard deviation of an element of coil_coupling; 0: certain",
+        min=0.0,
+        max=1e-3,
+    )
     gain: float = Parameter(
         "A.m2.s/T", "of the coils", start=3e7, min=0.0, needs=("b_body", "m_cmd_body")
     )
@@ -184,8 +217,13 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         "s", "until detumbled, as the last search has it", interval=True
     )
 
+    filter_restarts: int = Output(
+        "1", "how often the filter was lost and started anew", interval=True
+    )
+
     def start(self) -> None:
         super().start()
+        check_inertia(self.inertia)
         carrier = carrier_inertia(self.inertia, self.axes_wheel, self.inertia_wheel)
         self._carrier, self._inverse = carrier, inverse_inertia(carrier)
         if self.rate_again <= self.rate_limit:
@@ -193,6 +231,24 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
                 f"rate_again = {self.rate_again} rad/s is not above rate_limit = "
                 f"{self.rate_limit}: it would never be detumbled"
             )
+        a = self.inertia
+        doubts = craft_filter.Doubts(
+            UNKNOWN_RATE,
+            self.field_noise,
+            self.inertia_spread * (a[0] + a[4] + a[8]) / 3.0,
+            self.coil_spread,
+            self.coupling_spread,
+        )
+        self._setting = craft_filter.Setting(
+            doubts, carrier, self.rate_noise, self.field_turn
+        )
+        self._is_doubting = (
+            self.rate_from == FILTER
+            and max(self.inertia_spread, self.coil_spread, self.coupling_spread) > 0.0
+        )
+        self._craft, self._doubt = craft_filter.begin(ZERO, ZERO, self._setting)
+        self._signs: Vec3 = (1.0, 1.0, 1.0)
+        self._surprises = self.filter_restarts = 0
         self._trust()
         self._friction = _STILL
         self._was_valid_h = False
@@ -283,9 +339,13 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
             self._drop()
         else:
             self._plan(t, omega)
-        if self.valid_b:
-            self.m_cmd_body = clip(
-                all_coils(omega, self._b, self._coil_gain()), self.m_limit
+        if self.valid_b and not self._is_waiting():
+            command = clip(all_coils(omega, self._b, self._coil_gain()), self.m_limit)
+            signs = self._signs
+            self.m_cmd_body = (
+                signs[0] * command[0],
+                signs[1] * command[1],
+                signs[2] * command[2],
             )
         self.coil_saturated = any(abs(x) >= self.m_limit for x in self.m_cmd_body)
         self.tau_cmd_wheel = self._command(t, omega)
@@ -352,7 +412,9 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         if not (self.valid_b and self.valid_h):
             self._omega = self._b_model = None
             return
-        h, before = self.h_wheel, self._h_before
+        if self._is_doubting:
+            self._learn(t)
+            return
         omega, model = self._omega, self._b_model
         if omega is None or model is None:
             self._omega, self._b_model = ZERO, self._b
@@ -361,15 +423,8 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
             self._fields = rate_filter.diagonal(self.field_noise * self.field_noise)
         else:
             elapsed = t - self._t_before
-            # the torque follows from the change of momentum, not from the command
-            u = (
-                (before[0] - h[0]) / elapsed,
-                (before[1] - h[1]) / elapsed,
-                (before[2] - h[2]) / elapsed,
-                (before[3] - h[3]) / elapsed,
-            )
-            axes, carrier, inverse = self.axes_wheel, self._carrier, self._inverse
-            wheel = rollout.along(axes, before)
+            axes, carrier, inverted = self.axes_wheel, self._carrier, self._inverse
+            wheel = rollout.along(axes, self._h_before)
             rates, mixed, fields = rate_filter.spread(
                 omega,
                 model,
@@ -378,7 +433,7 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
                 self._mixed,
                 self._fields,
                 carrier,
-                inverse,
+                inverted,
                 self.rate_noise,
                 self.field_turn,
                 elapsed,
@@ -387,10 +442,10 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
                 omega,
                 model,
                 self.m_cmd_body,
-                rollout.along(axes, u),
+                self._wheel_torque(elapsed),
                 wheel,
                 carrier,
-                inverse,
+                inverted,
                 elapsed,
             )
             self._omega, self._b_model, self._rates, self._mixed, self._fields = (
@@ -398,6 +453,75 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
                     omega, model, self._b, rates, mixed, fields, self.field_noise
                 )
             )
+
+    def _wheel_torque(self, elapsed: float) -> Vec3:
+        """Compute the wheels' torque on the body since the last sample (N m, body).
+
+        It follows from the change of their momentum, not from the command.
+        """
+        h, before = self.h_wheel, self._h_before
+        u = (
+            (before[0] - h[0]) / elapsed,
+            (before[1] - h[1]) / elapsed,
+            (before[2] - h[2]) / elapsed,
+            (before[3] - h[3]) / elapsed,
+        )
+        return rollout.along(self.axes_wheel, u)
+
+    def _learn(self, t: float) -> None:
+        """Estimate the rate and what is doubted of the craft at this sample."""
+        if self._omega is None:
+            self._begin_learning()
+            return
+        elapsed = t - self._t_before
+        self._craft, self._doubt, surprise = craft_filter.updated(
+            self._craft,
+            self._doubt,
+            craft_filter.Passed(
+                elapsed,
+                self.m_cmd_body,
+                self._wheel_torque(elapsed),
+                rollout.along(self.axes_wheel, self._h_before),
+                self._b,
+            ),
+            self._setting,
+            self._is_familiar(),
+        )
+        self._surprises = self._surprises + 1 if surprise > SURPRISE else 0
+        if self._surprises >= SURPRISES or surprise >= craft_filter.UNSOUND:
+            self.filter_restarts += 1
+            self._begin_learning()
+            return
+        self._show()
+
+    def _begin_learning(self) -> None:
+        """Let the filter begin, with all of its doubts, at this sample's field."""
+        self._craft, self._doubt = craft_filter.begin(
+            self._b, self.m_cmd_body, self._setting
+        )
+        self._surprises = 0
+        self._drop()
+        self._show()
+
+    def _show(self) -> None:
+        """Take rate, field, inertia and signs of coils from the filter."""
+        x = self._craft
+        self._omega = craft_filter.rate_of(x)
+        self._rates = craft_filter.rates_covariance(self._doubt)
+        self._b = sub(self._b, craft_filter.coupled_field(x, self.m_cmd_body))
+        self._carrier = craft_filter.carrier_of(x)
+        self._inverse = inverse(self._carrier)
+        self._signs = craft_filter.coil_signs(x, self._doubt)
+
+    def _is_familiar(self) -> bool:
+        """Return whether every rate is known to FAMILIAR_RATE (1 sigma)."""
+        p, limit = self._rates, FAMILIAR_RATE * FAMILIAR_RATE
+        return p[0] < limit and p[4] < limit and p[8] < limit
+
+    def _is_waiting(self) -> bool:
+        """Return whether no dipole may yet be commanded, as it would hide the rate."""
+        waits = self._is_doubting and self.coupling_spread > 0.0
+        return waits and not self._is_familiar()
 
     def _judge(self, t: float, omega: Vec3) -> None:
         """Decide whether the craft is slow, and for how long it has been."""
