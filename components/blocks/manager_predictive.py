@@ -42,8 +42,8 @@ PATIENCE = 1e-3  # goal empty: relative discount of a last second against a firs
 # Goal empty: fraction of the thrusters' time that plans leave free except in their
 # first interval, so that thrusters may turn out weaker by that.
 RESERVE = 0.35
-TORQUE_SPREAD = 0.2  # prior deviation of constant torques, relative to n^2 J
-DIPOLE_SPREAD = 0.02  # prior deviation of the craft's own dipole, relative to m_limit
+TORQUE_SPREAD = 1.0  # prior deviation of constant torques, relative to n^2 J
+DIPOLE_SPREAD = 0.2  # prior deviation of the craft's own dipole, relative to m_limit
 # Torque that is not modelled, relative to n^2 J, for a sixth of an orbit at a time.
 UNMODELLED_TORQUE = 0.01
 DRIFT = 0.1  # change of a parameter in an orbit, relative to its prior deviation
@@ -250,6 +250,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._x = learning.first_state(ZERO)
         self._p = (0.0,) * (learning.STATES * learning.STATES)
         self._deviations = (0.0,) * learning.STATES
+        self._evidence = (0.0,) * learning.EVIDENCE
         self._known = -1.0
         self._b_eci = self._gravity = self._dipole_planned = ZERO
         self._coils: Vec4 = (0.0, 0.0, 0.0, 0.0)
@@ -489,15 +490,27 @@ class ManagerPredictive(MomentumDumping, EarthField):
             self._p = learning.forgotten(self._p, noise)
         else:
             causes = self._causes(passed, q, rotate_back(q, self.b_body))
+            found = learning.innovation(self._x, h, causes)
+            self._evidence = learning.gather(
+                self._evidence, found, causes, passed, orbit
+            )
+            failed = learning.find_failure(self._evidence)
+            if failed >= 0:
+                self._evidence = learning.explain(self._evidence, failed)
+            unmodelled = max(
+                UNMODELLED_TORQUE * gravity_torque,
+                learning.unmodelled_torque(self._evidence),
+            )
             self._x, self._p = learning.update(
                 self._x,
                 self._p,
                 h,
                 causes,
                 noise,
-                UNMODELLED_TORQUE * gravity_torque * sqrt(orbit * passed / 3.0),
+                unmodelled * sqrt(orbit * passed / 3.0),
                 self._deviations,
                 DRIFT * sqrt(passed / orbit),
+                failed,
             )
         self._known = t
         x = self._x

@@ -23,6 +23,8 @@ Fault detection by a momentum balance: Willsky, Automatica 12 (1976) 601.
 
 from __future__ import annotations
 
+from math import sqrt
+
 from ..contract.block import Table, Vec3
 from ..maths import kalman
 
@@ -31,7 +33,20 @@ MOMENTUM_STATES = 3  # H, with which x begins
 GRAVITY, INERTIAL, ORBITAL, DIPOLE, COILS, THRUSTERS, WAVES = 3, 4, 7, 10, 13, 17, 20
 STATES = 26
 CAUSES = STATES - MOMENTUM_STATES  # parameters
-DOUBT = 6.0
+ACTUATORS = WAVES - COILS  # e and f
+SMOOTHED = 1.0 / 60.0  # time over which innovations are averaged, in orbits
+MEMORY = 1.0 / 3.0  # of what follows a command, in orbits
+EXPLAINED = 0.7  # share of the unmodelled torque's power that a failure explains
+CHANGED = 0.3  # least change of e or f that is doubted
+# Index in the evidence of the averages of the unmodelled torque, of the effects of e and
+# f, of the products of both, of the effects' power, of the torque's, of the torque's
+# over an orbit, and of the time that it has.
+PUSH, EFFECTS = 0, 3
+PRODUCTS = EFFECTS + 3 * ACTUATORS
+POWERS = PRODUCTS + ACTUATORS
+TOTAL = POWERS + ACTUATORS
+RECENT, AGE = TOTAL + 1, TOTAL + 2
+EVIDENCE = AGE + 1
 # No actuator gives more than this multiple of its command, or of the opposite. Where a
 # coil is hardly driven, the filter cannot distinguish its effectiveness from the
 # craft's own dipole.
@@ -111,6 +126,7 @@ def update(
     walk: float,
     deviations: Table,
     drift: float,
+    doubted: int,
 ) -> tuple[Table, Table]:
     """Return (x, P) after a sample at whose end H is `measured` (N m s, eci).
 
@@ -130,6 +146,8 @@ def update(
         Prior standard deviations, of `spreads`.
     drift : float
         Random walk of a parameter over its prior standard deviation (1).
+    doubted : int
+        Which actuator has failed, from 0 on, of `find_failure`; -1: none.
     """
     state = [0.0] * STATES
     covariance = [0.0] * (STATES * STATES)
@@ -137,9 +155,10 @@ def update(
         state[i] = x[i]
     for i in range(STATES * STATES):
         covariance[i] = p[i]
+    if doubted >= 0:
+        i = COILS + doubted
+        covariance[STATES * i + i] += deviations[i] * deviations[i]
     _predict(state, covariance, effects, walk, deviations, drift)
-    if _is_doubtful(state, covariance, measured, noise):
-        _doubt_actuators(covariance, effects, deviations)
     _correct(state, covariance, measured, noise)
     for i in range(COILS, WAVES):
         state[i] = min(max(state[i], -MOST), MOST)
@@ -187,32 +206,81 @@ def _effect_on_row(p: list[float], effects: Table, row: int, j: int) -> float:
     return total
 
 
-def _is_doubtful(x: list[float], p: list[float], measured: Vec3, noise: float) -> bool:
-    """Return whether H is beyond `DOUBT` standard deviations of its prediction."""
+def innovation(x: Table, measured: Vec3, effects: Table) -> Vec3:
+    """Return the measured H less its prediction (N m s, eci); arguments as `update`."""
+    found = [0.0, 0.0, 0.0]
     for row in range(MOMENTUM_STATES):
-        variance = p[STATES * row + row] + noise * noise
-        innovation = measured[row] - x[row]
-        if innovation * innovation > DOUBT * DOUBT * variance:
-            return True
-    return False
+        found[row] = measured[row] - x[row]
+        for i in range(CAUSES):
+            found[row] -= effects[CAUSES * row + i] * x[MOMENTUM_STATES + i]
+    return (found[0], found[1], found[2])
 
 
-def _doubt_actuators(p: list[float], effects: Table, deviations: Table) -> None:
-    """Add to P the prior variances of e and f, and their effect on H by F."""
-    for i in range(COILS, WAVES):
-        p[STATES * i + i] += deviations[i] * deviations[i]
-    first, end = COILS - MOMENTUM_STATES, WAVES - MOMENTUM_STATES
-    for row in range(MOMENTUM_STATES):
-        for other in range(MOMENTUM_STATES):
-            for i in range(first, end):
-                deviation = deviations[MOMENTUM_STATES + i]
-                share = effects[CAUSES * row + i] * effects[CAUSES * other + i]
-                p[STATES * row + other] += share * deviation * deviation
-        for i in range(first, end):
-            deviation = deviations[MOMENTUM_STATES + i]
-            added = effects[CAUSES * row + i] * deviation * deviation
-            p[STATES * row + MOMENTUM_STATES + i] += added
-            p[STATES * (MOMENTUM_STATES + i) + row] += added
+def gather(
+    evidence: Table, found: Vec3, effects: Table, passed: float, orbit: float
+) -> Table:
+    """Return the evidence after a sample of `passed` (s) with the innovation `found`.
+
+    found: N m s, eci; effects: of `causes`; orbit: its period (s).
+    """
+    e = [0.0] * EVIDENCE
+    share = min(passed / (SMOOTHED * orbit), 1.0)
+    for i in range(EVIDENCE):
+        e[i] = evidence[i]
+    for row in range(3):
+        e[PUSH + row] += share * (found[row] / passed - e[PUSH + row])
+        for j in range(ACTUATORS):
+            effect = effects[CAUSES * row + COILS - MOMENTUM_STATES + j] / passed
+            i = EFFECTS + 3 * j + row
+            e[i] += share * (effect - e[i])
+    kept = max(1.0 - passed / (MEMORY * orbit), 0.0)
+    power = _product(e, PUSH, PUSH)
+    for j in range(ACTUATORS):
+        of = EFFECTS + 3 * j
+        e[PRODUCTS + j] = kept * e[PRODUCTS + j] + passed * _product(e, PUSH, of)
+        e[POWERS + j] = kept * e[POWERS + j] + passed * _product(e, of, of)
+    e[TOTAL] = kept * e[TOTAL] + passed * power
+    e[RECENT] += min(passed / orbit, 1.0) * (power - e[RECENT])
+    e[AGE] += passed
+    return tuple(e)
+
+
+def _product(e: list[float], i: int, j: int) -> float:
+    """Return the scalar product of two vectors of the evidence, at i and at j."""
+    return e[i] * e[j] + e[i + 1] * e[j + 1] + e[i + 2] * e[j + 2]
+
+
+def find_failure(evidence: Table) -> int:
+    """Return which actuator has failed, from 0 on; -1: none."""
+    worst, most = -1, EXPLAINED
+    for j in range(ACTUATORS):
+        product, power = evidence[PRODUCTS + j], evidence[POWERS + j]
+        if abs(product) > CHANGED * power and power > 0.0:
+            share = product * product / (power * evidence[TOTAL])
+            if share > most:
+                worst, most = j, share
+    return worst
+
+
+def explain(evidence: Table, failed: int) -> Table:
+    """Return the evidence without the torque that a failed actuator explains."""
+    e = [0.0] * EVIDENCE
+    product, power = evidence[PRODUCTS + failed], evidence[POWERS + failed]
+    rest = max(1.0 - product * product / (power * evidence[TOTAL]), 0.0)
+    for i in range(EVIDENCE):
+        e[i] = evidence[i]
+    for i in range(PRODUCTS, RECENT):
+        e[i] = 0.0
+    for row in range(3):
+        e[PUSH + row] -= product / power * e[EFFECTS + 3 * failed + row]
+    e[RECENT] *= rest
+    return tuple(e)
+
+
+def unmodelled_torque(evidence: Table) -> float:
+    """Return the standard deviation of the torque that is not modelled (N m, an axis)."""
+    x, y, z = evidence[PUSH], evidence[PUSH + 1], evidence[PUSH + 2]
+    return sqrt(max(x * x + y * y + z * z, evidence[RECENT]) / 3.0)
 
 
 def _correct(x: list[float], p: list[float], measured: Vec3, noise: float) -> None:
