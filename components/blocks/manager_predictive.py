@@ -43,7 +43,7 @@ PATIENCE = 1e-3  # goal empty: relative discount of a last second against a firs
 # first interval, so that thrusters may turn out weaker by that.
 RESERVE = 0.35
 TORQUE_SPREAD = 1.0  # prior deviation of constant torques, relative to n^2 J
-DIPOLE_SPREAD = 0.2  # prior deviation of the craft's own dipole, relative to m_limit
+DIPOLE_SPREAD = 0.1  # prior deviation of the craft's own dipole, relative to m_limit
 # Torque that is not modelled, relative to n^2 J, for a sixth of an orbit at a time.
 UNMODELLED_TORQUE = 0.01
 DRIFT = 0.1  # change of a parameter in an orbit, relative to its prior deviation
@@ -247,7 +247,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._inertia: Mat33 = tuple(self.inertia_scale * x for x in self.inertia)  # type: ignore[assignment]
         self._q_bo = normalised(self.q_bo)
         self.start_field(igrf=self.field_model == IGRF)
-        self._x = learning.first_state(ZERO)
+        self._x = self._seen = learning.first_state(ZERO)
         self._p = (0.0,) * (learning.STATES * learning.STATES)
         self._deviations = (0.0,) * learning.STATES
         self._evidence = (0.0,) * learning.EVIDENCE
@@ -492,7 +492,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
             causes = self._causes(passed, q, rotate_back(q, self.b_body))
             found = learning.innovation(self._x, h, causes)
             self._evidence = learning.gather(
-                self._evidence, found, causes, passed, orbit
+                self._evidence, self._p, found, causes, passed, orbit
             )
             failed = learning.find_failure(self._evidence)
             if failed >= 0:
@@ -513,7 +513,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
                 failed,
             )
         self._known = t
-        x = self._x
+        x = self._seen = learning.judge(self._x, self._p)
         self.gravity_scale = x[learning.GRAVITY]
         self.torque_eci = learning.vector(x, learning.INERTIAL)
         e = learning.COILS
@@ -886,7 +886,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
 
         b (T, eci) is the field there.
         """
-        x = self._x
+        x = self._seen
         gravity = rotate_back(q, gravity_gradient(rotate(q, r), self._inertia))
         dipole_torque = cross(rotate_back(q, learning.vector(x, learning.DIPOLE)), b)
         c, s = self._latitude(r)

@@ -23,7 +23,7 @@ Fault detection by a momentum balance: Willsky, Automatica 12 (1976) 601.
 
 from __future__ import annotations
 
-from math import sqrt
+from math import exp, sqrt
 
 from ..contract.block import Table, Vec3
 from ..maths import kalman
@@ -33,20 +33,22 @@ MOMENTUM_STATES = 3  # H, with which x begins
 GRAVITY, INERTIAL, ORBITAL, DIPOLE, COILS, THRUSTERS, WAVES = 3, 4, 7, 10, 13, 17, 20
 STATES = 26
 CAUSES = STATES - MOMENTUM_STATES  # parameters
-ACTUATORS = WAVES - COILS  # e and f
+CANDIDATES = WAVES - INERTIAL  # what may explain a torque: T_eci, T_o, d, e and f
 SMOOTHED = 1.0 / 60.0  # time over which innovations are averaged, in orbits
 MEMORY = 1.0 / 3.0  # of what follows a command, in orbits
 EXPLAINED = 0.7  # share of the unmodelled torque's power that a failure explains
+EXPECTED = 4.0  # standard deviations of e and f that are no sign of another torque
+FAILED = 0.01  # prior probability that a coil has failed
 CHANGED = 0.3  # least change of e or f that is doubted
-# Index in the evidence of the averages of the unmodelled torque, of the effects of e and
-# f, of the products of both, of the effects' power, of the torque's, of the torque's
+# Index in the evidence of the averages of the unmodelled torque, of the candidates'
+# effects, of the products of both, of the effects' power, of the torque's, of the torque's
 # over an orbit, and of the time that it has.
 PUSH, EFFECTS = 0, 3
-PRODUCTS = EFFECTS + 3 * ACTUATORS
-POWERS = PRODUCTS + ACTUATORS
-TOTAL = POWERS + ACTUATORS
-RECENT, AGE = TOTAL + 1, TOTAL + 2
-EVIDENCE = AGE + 1
+PRODUCTS = EFFECTS + 3 * CANDIDATES
+POWERS = PRODUCTS + CANDIDATES
+TOTAL = POWERS + CANDIDATES
+EXCESS, RECENT = TOTAL + 1, TOTAL + 2
+EVIDENCE = RECENT + 1
 # No actuator gives more than this multiple of its command, or of the opposite. Where a
 # coil is hardly driven, the filter cannot distinguish its effectiveness from the
 # craft's own dipole.
@@ -147,7 +149,7 @@ def update(
     drift : float
         Random walk of a parameter over its prior standard deviation (1).
     doubted : int
-        Which actuator has failed, from 0 on, of `find_failure`; -1: none.
+        Index in x of an effectiveness that has changed, of `find_failure`; -1: none.
     """
     state = [0.0] * STATES
     covariance = [0.0] * (STATES * STATES)
@@ -156,13 +158,40 @@ def update(
     for i in range(STATES * STATES):
         covariance[i] = p[i]
     if doubted >= 0:
-        i = COILS + doubted
-        covariance[STATES * i + i] += deviations[i] * deviations[i]
+        spread = deviations[doubted]
+        covariance[STATES * doubted + doubted] += spread * spread
     _predict(state, covariance, effects, walk, deviations, drift)
     _correct(state, covariance, measured, noise)
     for i in range(COILS, WAVES):
         state[i] = min(max(state[i], -MOST), MOST)
     return tuple(state), tuple(covariance)
+
+
+def judge(x: Table, p: Table) -> Table:
+    """Return the expected x where a coil has either failed or gives its command.
+
+    Without a failure e is 1, and the other elements are what they are with that.
+    """
+    state = [0.0] * STATES
+    covariance = [0.0] * (STATES * STATES)
+    column = [0.0] * STATES
+    for i in range(STATES):
+        state[i] = x[i]
+    for i in range(STATES * STATES):
+        covariance[i] = p[i]
+    for j in range(COILS, THRUSTERS):
+        variance = covariance[STATES * j + j]
+        if variance > 0.0:
+            lack = 1.0 - state[j]
+            surprise = min(0.5 * lack * lack / variance, 100.0)
+            odds = FAILED / (1.0 - FAILED) * sqrt(variance) / SPREAD_ACTUATOR
+            odds *= exp(surprise)
+            for i in range(STATES):
+                column[i] = covariance[STATES * i + j]
+            kalman.correct(state, covariance, column, lack, variance * (1.0 + odds))
+    for i in range(COILS, WAVES):
+        state[i] = min(max(state[i], -MOST), MOST)
+    return tuple(state)
 
 
 def _predict(
@@ -217,7 +246,12 @@ def innovation(x: Table, measured: Vec3, effects: Table) -> Vec3:
 
 
 def gather(
-    evidence: Table, found: Vec3, effects: Table, passed: float, orbit: float
+    evidence: Table,
+    p: Table,
+    found: Vec3,
+    effects: Table,
+    passed: float,
+    orbit: float,
 ) -> Table:
     """Return the evidence after a sample of `passed` (s) with the innovation `found`.
 
@@ -229,19 +263,23 @@ def gather(
         e[i] = evidence[i]
     for row in range(3):
         e[PUSH + row] += share * (found[row] / passed - e[PUSH + row])
-        for j in range(ACTUATORS):
-            effect = effects[CAUSES * row + COILS - MOMENTUM_STATES + j] / passed
+        for j in range(CANDIDATES):
+            effect = effects[CAUSES * row + INERTIAL - MOMENTUM_STATES + j] / passed
             i = EFFECTS + 3 * j + row
             e[i] += share * (effect - e[i])
     kept = max(1.0 - passed / (MEMORY * orbit), 0.0)
     power = _product(e, PUSH, PUSH)
-    for j in range(ACTUATORS):
+    for j in range(CANDIDATES):
         of = EFFECTS + 3 * j
         e[PRODUCTS + j] = kept * e[PRODUCTS + j] + passed * _product(e, PUSH, of)
         e[POWERS + j] = kept * e[POWERS + j] + passed * _product(e, of, of)
     e[TOTAL] = kept * e[TOTAL] + passed * power
-    e[RECENT] += min(passed / orbit, 1.0) * (power - e[RECENT])
-    e[AGE] += passed
+    e[EXCESS] = power
+    for i in range(COILS, THRUSTERS):
+        of = EFFECTS + 3 * (i - INERTIAL)
+        e[EXCESS] -= EXPECTED * EXPECTED * p[STATES * i + i] * _product(e, of, of)
+    e[EXCESS] = max(e[EXCESS], 0.0)
+    e[RECENT] += min(passed / orbit, 1.0) * (e[EXCESS] - e[RECENT])
     return tuple(e)
 
 
@@ -251,36 +289,54 @@ def _product(e: list[float], i: int, j: int) -> float:
 
 
 def find_failure(evidence: Table) -> int:
-    """Return which actuator has failed, from 0 on; -1: none."""
-    worst, most = -1, EXPLAINED
-    for j in range(ACTUATORS):
-        product, power = evidence[PRODUCTS + j], evidence[POWERS + j]
-        if abs(product) > CHANGED * power and power > 0.0:
-            share = product * product / (power * evidence[TOTAL])
-            if share > most:
-                worst, most = j, share
+    """Return the index in x of the effectiveness that has changed; -1: none.
+
+    It has changed where the torque that is not modelled follows the actuator's
+    command, and neither a constant torque nor a dipole explains as much.
+    """
+    most = EXPLAINED
+    for first in (INERTIAL, ORBITAL, DIPOLE):
+        total = 0.0
+        for i in range(first, first + 3):
+            total += _share(evidence, i)
+        most = max(most, total)
+    worst = -1
+    for i in range(COILS, WAVES):
+        j = i - INERTIAL
+        share = _share(evidence, i)
+        change = abs(evidence[PRODUCTS + j])
+        if share > most and change > CHANGED * evidence[POWERS + j]:
+            worst, most = i, share
     return worst
+
+
+def _share(evidence: Table, i: int) -> float:
+    """Return the share of the torque's power that a change of x[i] explains."""
+    j = i - INERTIAL
+    product = evidence[PRODUCTS + j]
+    both = evidence[POWERS + j] * evidence[TOTAL]
+    return product * product / both if both > 0.0 else 0.0
 
 
 def explain(evidence: Table, failed: int) -> Table:
     """Return the evidence without the torque that a failed actuator explains."""
     e = [0.0] * EVIDENCE
-    product, power = evidence[PRODUCTS + failed], evidence[POWERS + failed]
-    rest = max(1.0 - product * product / (power * evidence[TOTAL]), 0.0)
+    j = failed - INERTIAL
+    change = evidence[PRODUCTS + j] / evidence[POWERS + j]
+    rest = max(1.0 - _share(evidence, failed), 0.0)
     for i in range(EVIDENCE):
         e[i] = evidence[i]
     for i in range(PRODUCTS, RECENT):
         e[i] = 0.0
     for row in range(3):
-        e[PUSH + row] -= product / power * e[EFFECTS + 3 * failed + row]
+        e[PUSH + row] -= change * e[EFFECTS + 3 * j + row]
     e[RECENT] *= rest
     return tuple(e)
 
 
 def unmodelled_torque(evidence: Table) -> float:
     """Return the standard deviation of the torque that is not modelled (N m, an axis)."""
-    x, y, z = evidence[PUSH], evidence[PUSH + 1], evidence[PUSH + 2]
-    return sqrt(max(x * x + y * y + z * z, evidence[RECENT]) / 3.0)
+    return sqrt(max(evidence[EXCESS], evidence[RECENT]) / 3.0)
 
 
 def _correct(x: list[float], p: list[float], measured: Vec3, noise: float) -> None:
