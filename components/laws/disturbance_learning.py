@@ -15,8 +15,15 @@ parameter on H over the sample (`causes`), the prediction is x -> F x, P -> F P 
 
     F = [[1, A], [0, 1]].
 
-Where a measurement differs by more than `DOUBT` standard deviations, a component has
-failed, and the effectiveness becomes as uncertain as at first.
+A torque that is not modelled, as air at a low perigee or a vent, must not look like a
+lost coil. The mean innovation of the last sixtieth of an orbit, less what the
+uncertain parameters explain, is the size of such a torque and sets the process noise;
+that size is remembered for an orbit (`gather`). An actuator is lost where the
+innovations follow its command: where over a third of an orbit a change of its
+effectiveness explains `EXPLAINED` of their power, and more than a constant torque or a
+dipole (`find_failure`). Its effectiveness then becomes as uncertain as at first. For
+use, a coil has either failed, with a prior probability of `FAILED`, or has e = 1
+(`judge`).
 
 Fault detection by a momentum balance: Willsky, Automatica 12 (1976) 601.
 """
@@ -27,6 +34,7 @@ from math import exp, sqrt
 
 from ..contract.block import Table, Vec3
 from ..maths import kalman
+from ..maths.vector import norm
 
 MOMENTUM_STATES = 3  # H, with which x begins
 # Index in x of the first element of s, T_eci, T_o, d, e, f, and of T_c and T_s.
@@ -35,18 +43,22 @@ STATES = 26
 CAUSES = STATES - MOMENTUM_STATES  # parameters
 CANDIDATES = WAVES - INERTIAL  # what may explain a torque: T_eci, T_o, d, e and f
 SMOOTHED = 1.0 / 60.0  # time over which innovations are averaged, in orbits
-MEMORY = 1.0 / 3.0  # of what follows a command, in orbits
-EXPLAINED = 0.7  # share of the unmodelled torque's power that a failure explains
-EXPECTED = 4.0  # standard deviations of e and f that are no sign of another torque
+MEMORY = 1.0 / 3.0  # time over which they are compared with commands, in orbits
+EXPLAINED = 0.7  # share of the torque's power that a lost actuator explains at least
+CHANGED = 0.3  # least change of e or f that counts as a loss
+# Innovations within so many standard deviations of a parameter's effect are no sign of
+# a torque that is not modelled; of a coil more, as it may be connected the wrong way.
+EXPECTED, EXPECTED_COIL = 2.0, 4.0
 FAILED = 0.01  # prior probability that a coil has failed
-CHANGED = 0.3  # least change of e or f that is doubted
-# Index in the evidence of the averages of the unmodelled torque, of the candidates'
-# effects, of the products of both, of the effects' power, of the torque's, of the torque's
-# over an orbit, and of the time that it has.
+# True errors of e over those of P: torques last, and are not the white noise of P.
+UNDERSTATED = 2.0
+# First index in the evidence: of the mean innovation (N m, eci) and the candidates' mean
+# effects (N m by unit), then sums over `MEMORY` of their products, of the effects'
+# squares and of the innovation's; its excess over `EXPECTED` now, and over an orbit.
 PUSH, EFFECTS = 0, 3
 PRODUCTS = EFFECTS + 3 * CANDIDATES
-POWERS = PRODUCTS + CANDIDATES
-TOTAL = POWERS + CANDIDATES
+SQUARES = PRODUCTS + CANDIDATES
+TOTAL = SQUARES + CANDIDATES
 EXCESS, RECENT = TOTAL + 1, TOTAL + 2
 EVIDENCE = RECENT + 1
 # No actuator gives more than this multiple of its command, or of the opposite. Where a
@@ -170,7 +182,10 @@ def update(
 def judge(x: Table, p: Table) -> Table:
     """Return the expected x where a coil has either failed or gives its command.
 
-    Without a failure e is 1, and the other elements are what they are with that.
+    x and P (row-major) are those of the filter. Without a failure e is 1, and the other
+    elements are what they are with that. The odds of both by Bayes' rule, with the
+    prior deviation `SPREAD_ACTUATOR` of a coil that has failed, are the variance of a
+    measurement of e = 1.
     """
     state = [0.0] * STATES
     covariance = [0.0] * (STATES * STATES)
@@ -183,7 +198,8 @@ def judge(x: Table, p: Table) -> Table:
         variance = covariance[STATES * j + j]
         if variance > 0.0:
             lack = 1.0 - state[j]
-            surprise = min(0.5 * lack * lack / variance, 100.0)
+            spread = UNDERSTATED * sqrt(variance)
+            surprise = min(0.5 * (lack / spread) * (lack / spread), 100.0)
             odds = FAILED / (1.0 - FAILED) * sqrt(variance) / SPREAD_ACTUATOR
             odds *= exp(surprise)
             for i in range(STATES):
@@ -253,9 +269,20 @@ def gather(
     passed: float,
     orbit: float,
 ) -> Table:
-    """Return the evidence after a sample of `passed` (s) with the innovation `found`.
+    """Return the evidence after a sample, from zeros on.
 
-    found: N m s, eci; effects: of `causes`; orbit: its period (s).
+    Parameters
+    ----------
+    evidence : Table
+        EVIDENCE numbers, before it.
+    p : Table
+        Covariance (row-major) at its begin.
+    found : Vec3
+        The innovation, of `innovation` (N m s, eci).
+    effects : Table
+        Of `causes`.
+    passed, orbit : float
+        The sample's time and the orbit's period (s).
     """
     e = [0.0] * EVIDENCE
     share = min(passed / (SMOOTHED * orbit), 1.0)
@@ -272,12 +299,13 @@ def gather(
     for j in range(CANDIDATES):
         of = EFFECTS + 3 * j
         e[PRODUCTS + j] = kept * e[PRODUCTS + j] + passed * _product(e, PUSH, of)
-        e[POWERS + j] = kept * e[POWERS + j] + passed * _product(e, of, of)
+        e[SQUARES + j] = kept * e[SQUARES + j] + passed * _product(e, of, of)
     e[TOTAL] = kept * e[TOTAL] + passed * power
     e[EXCESS] = power
-    for i in range(COILS, THRUSTERS):
+    for i in range(INERTIAL, WAVES):
         of = EFFECTS + 3 * (i - INERTIAL)
-        e[EXCESS] -= EXPECTED * EXPECTED * p[STATES * i + i] * _product(e, of, of)
+        most = EXPECTED_COIL if COILS <= i < THRUSTERS else EXPECTED
+        e[EXCESS] -= most * most * p[STATES * i + i] * _product(e, of, of)
     e[EXCESS] = max(e[EXCESS], 0.0)
     e[RECENT] += min(passed / orbit, 1.0) * (e[EXCESS] - e[RECENT])
     return tuple(e)
@@ -305,7 +333,7 @@ def find_failure(evidence: Table) -> int:
         j = i - INERTIAL
         share = _share(evidence, i)
         change = abs(evidence[PRODUCTS + j])
-        if share > most and change > CHANGED * evidence[POWERS + j]:
+        if share > most and change > CHANGED * evidence[SQUARES + j]:
             worst, most = i, share
     return worst
 
@@ -314,15 +342,18 @@ def _share(evidence: Table, i: int) -> float:
     """Return the share of the torque's power that a change of x[i] explains."""
     j = i - INERTIAL
     product = evidence[PRODUCTS + j]
-    both = evidence[POWERS + j] * evidence[TOTAL]
+    both = evidence[SQUARES + j] * evidence[TOTAL]
     return product * product / both if both > 0.0 else 0.0
 
 
 def explain(evidence: Table, failed: int) -> Table:
-    """Return the evidence without the torque that a failed actuator explains."""
+    """Return the evidence without the torque that a failed actuator explains.
+
+    failed: of `find_failure`. What follows the commands is gathered anew.
+    """
     e = [0.0] * EVIDENCE
     j = failed - INERTIAL
-    change = evidence[PRODUCTS + j] / evidence[POWERS + j]
+    change = evidence[PRODUCTS + j] / evidence[SQUARES + j]
     rest = max(1.0 - _share(evidence, failed), 0.0)
     for i in range(EVIDENCE):
         e[i] = evidence[i]
@@ -332,6 +363,14 @@ def explain(evidence: Table, failed: int) -> Table:
         e[PUSH + row] -= change * e[EFFECTS + 3 * j + row]
     e[RECENT] *= rest
     return tuple(e)
+
+
+def known_torque(x: Table) -> float:
+    """Return the size of the torques that x has (N m), without gravity and dipole."""
+    total = 0.0
+    for first in (INERTIAL, ORBITAL, WAVES, WAVES + 3):
+        total += norm(vector(x, first))
+    return total
 
 
 def unmodelled_torque(evidence: Table) -> float:
