@@ -166,11 +166,78 @@ def test_filter_finds_a_dead_and_a_turned_coil() -> None:
         ]
         seen = tuple(y + draw.gauss(0.0, 1e-3) for y in h)
         rows = learning.causes(tuple(columns))
-        x, p = learning.update(x, p, seen, rows, 1e-3, 1e-4, spreads, 1e-3)  # type: ignore[arg-type]
+        x, p = learning.update(x, p, seen, rows, 1e-3, 1e-4, spreads, 1e-3, -1)  # type: ignore[arg-type]
     assert x[13:17] == pytest.approx((0.0, 1.0, -1.0, 0.7), abs=0.05)
     assert x[4] == pytest.approx(2e-4, abs=3e-5)
     matrix = np.array(p).reshape(learning.STATES, learning.STATES)
     assert np.linalg.eigvalsh(0.5 * (matrix + matrix.T)).min() > -1e-12
+
+
+@pytest.mark.parametrize("cause", ["coil", "pulse", "dipole"])
+def test_only_what_follows_a_command_is_a_lost_coil(cause: str) -> None:
+    """Innovations of a coil that gives nothing any more, of a pulse, of a dipole."""
+    draw, orbit, passed = random.Random(5), 5700.0, 10.0
+    evidence: tuple[float, ...] = (0.0,) * learning.EVIDENCE
+    p = (0.0,) * learning.STATES**2
+    lost, largest = [], 0.0
+    for k in range(570):
+        u = 2.0 * math.pi * passed * k / orbit
+        b = np.array([2e-5 * math.cos(u), 3e-6, 4e-5 * math.sin(u)])
+        m = 0.05 * np.array([math.sin(3.0 * u), math.cos(2.0 * u), math.sin(u + 1.0)])
+        columns = [(0.0, 0.0, 0.0)] * learning.CAUSES
+        for i in range(3):
+            axis = np.eye(3)[i]
+            moved = passed * np.cross(axis, b)
+            for first, column in (
+                (learning.INERTIAL, passed * axis),
+                (learning.DIPOLE, moved),
+                (learning.COILS, m[i] * moved),
+            ):
+                columns[first + i - 3] = tuple(column)  # type: ignore[assignment]
+        found = np.array([draw.gauss(0.0, 1e-6) for _ in range(3)])
+        if cause == "coil":
+            found -= np.array(columns[learning.COILS + 1 - 3])
+        elif cause == "dipole":
+            found += 0.05 * np.array(columns[learning.DIPOLE - 3])
+        elif 200 <= k < 260:
+            found += passed * np.array([2e-6, 3e-6, -1e-6])
+        evidence = learning.gather(
+            evidence,
+            p,
+            tuple(found.tolist()),  # type: ignore[arg-type]
+            learning.causes(tuple(columns)),
+            passed,
+            orbit,
+        )
+        largest = max(largest, learning.unmodelled_torque(evidence))
+        lost.append(learning.find_failure(evidence))
+    if cause == "coil":
+        assert lost[-1] == learning.COILS + 1
+        rest = learning.explain(evidence, lost[-1])
+        assert learning.unmodelled_torque(rest) < 0.1 * largest
+        assert learning.find_failure(rest) == -1
+    else:
+        assert set(lost[60:]) == {-1}
+    if cause == "pulse":
+        assert largest == pytest.approx(math.sqrt(14.0 / 3.0) * 1e-6, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("e", "deviation", "used"), [(0.6, 0.2, 1.0), (0.0, 0.05, 0.0), (-1.0, 0.1, -1.0)]
+)
+def test_a_coil_is_whole_until_its_loss_is_likely(
+    e: float, deviation: float, used: float
+) -> None:
+    x = list(learning.first_state((0.0, 0.0, 0.0)))
+    x[learning.COILS + 1], x[learning.INERTIAL] = e, 1e-6
+    p = np.zeros((learning.STATES, learning.STATES))
+    i, j = learning.COILS + 1, learning.INERTIAL
+    p[i, i], p[j, j] = deviation**2, 1e-12
+    p[i, j] = p[j, i] = 0.5e-6 * deviation
+    seen = learning.judge(tuple(x), tuple(p.ravel().tolist()))
+    assert seen[i] == pytest.approx(used, abs=0.02)
+    shift = p[i, j] / p[i, i] * (seen[i] - e)
+    assert seen[j] == pytest.approx(1e-6 + shift, abs=1e-9)
 
 
 @pytest.mark.parametrize(

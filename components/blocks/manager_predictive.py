@@ -42,10 +42,12 @@ PATIENCE = 1e-3  # goal empty: relative discount of a last second against a firs
 # Goal empty: fraction of the thrusters' time that plans leave free except in their
 # first interval, so that thrusters may turn out weaker by that.
 RESERVE = 0.35
-TORQUE_SPREAD = 0.2  # prior deviation of constant torques, relative to n^2 J
-DIPOLE_SPREAD = 0.02  # prior deviation of the craft's own dipole, relative to m_limit
-# Torque that is not modelled, relative to n^2 J, for a sixth of an orbit at a time.
+TORQUE_SPREAD = 0.5  # prior deviation of constant torques, relative to n^2 J
+DIPOLE_SPREAD = 0.1  # prior deviation of the craft's own dipole, relative to m_limit
+# Least torque that is not modelled, relative to n^2 J and to the torques that are known,
+# for a sixth of an orbit at a time.
 UNMODELLED_TORQUE = 0.01
+VARIES = 0.1
 DRIFT = 0.1  # change of a parameter in an orbit, relative to its prior deviation
 # Limit of the momentum in the null space, relative to the largest momentum that a wheel
 # has otherwise.
@@ -84,8 +86,10 @@ class ManagerPredictive(MomentumDumping, EarthField):
     `laws/disturbance_learning.py`: the scale of the gravity gradient, torques that are
     constant in eci, constant in lvlh or periodic in lvlh with the orbit, the craft's
     own dipole, and the signed `effectiveness` of each coil and thruster axis. The plan
-    thus allows for a coil that is lost, weak or reversed. The filter takes its noise
-    from the sensors: `h_noise`, `rate_noise` and `attitude_noise`. `laws/predictive.py`
+    thus allows for a coil that is lost, weak or reversed. A coil counts as whole until
+    its loss is likely; a torque that comes in pulses makes the filter slower and no coil
+    lost. The filter takes its noise from the sensors: `h_noise`, `rate_noise` and
+    `attitude_noise`. `laws/predictive.py`
     has the solver.
 
     Where the measured field differs from the model by more than 0.3 of it, or a plan to
@@ -247,9 +251,10 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._inertia: Mat33 = tuple(self.inertia_scale * x for x in self.inertia)  # type: ignore[assignment]
         self._q_bo = normalised(self.q_bo)
         self.start_field(igrf=self.field_model == IGRF)
-        self._x = learning.first_state(ZERO)
+        self._x = self._seen = learning.first_state(ZERO)
         self._p = (0.0,) * (learning.STATES * learning.STATES)
         self._deviations = (0.0,) * learning.STATES
+        self._evidence = (0.0,) * learning.EVIDENCE
         self._known = -1.0
         self._b_eci = self._gravity = self._dipole_planned = ZERO
         self._coils: Vec4 = (0.0, 0.0, 0.0, 0.0)
@@ -467,7 +472,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         total (N m s, body) is the momentum of the craft.
         """
         h = rotate_back(q, total)
-        n, orbit = self._motion()
+        n, _ = self._motion()
         largest = max(
             abs(self._inertia[0]), abs(self._inertia[4]), abs(self._inertia[8])
         )
@@ -489,23 +494,46 @@ class ManagerPredictive(MomentumDumping, EarthField):
             self._p = learning.forgotten(self._p, noise)
         else:
             causes = self._causes(passed, q, rotate_back(q, self.b_body))
-            self._x, self._p = learning.update(
-                self._x,
-                self._p,
-                h,
-                causes,
-                noise,
-                UNMODELLED_TORQUE * gravity_torque * sqrt(orbit * passed / 3.0),
-                self._deviations,
-                DRIFT * sqrt(passed / orbit),
-            )
+            self._learn(passed, h, causes, noise, gravity_torque)
         self._known = t
-        x = self._x
+        x = self._seen = learning.judge(self._x, self._p)
         self.gravity_scale = x[learning.GRAVITY]
         self.torque_eci = learning.vector(x, learning.INERTIAL)
         e = learning.COILS
         self.effectiveness = (x[e], x[e + 1], x[e + 2], x[e + 3])
         self.thruster_effectiveness = learning.vector(x, learning.THRUSTERS)
+
+    def _learn(
+        self, passed: float, h: Vec3, causes: Table, noise: float, gravity_torque: float
+    ) -> None:
+        """Update the filter by the momentum h (N m s, eci), measured with `noise`.
+
+        passed (s): time since the last sample; gravity_torque: n^2 J (N m).
+        """
+        _, orbit = self._motion()
+        found = learning.innovation(self._x, h, causes)
+        self._evidence = learning.gather(
+            self._evidence, self._p, found, causes, passed, orbit
+        )
+        failed = learning.find_failure(self._evidence)
+        if failed >= 0:
+            self._evidence = learning.explain(self._evidence, failed)
+        unmodelled = max(
+            UNMODELLED_TORQUE * gravity_torque,
+            VARIES * learning.known_torque(self._x),
+            learning.unmodelled_torque(self._evidence),
+        )
+        self._x, self._p = learning.update(
+            self._x,
+            self._p,
+            h,
+            causes,
+            noise,
+            unmodelled * sqrt(orbit * passed / 3.0),
+            self._deviations,
+            DRIFT * sqrt(passed / orbit),
+            failed,
+        )
 
     def _momentum_noise(self, inertia: float, total: float) -> float:
         """Return the standard deviation of the measured momentum H (N m s).
@@ -873,7 +901,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
 
         b (T, eci) is the field there.
         """
-        x = self._x
+        x = self._seen
         gravity = rotate_back(q, gravity_gradient(rotate(q, r), self._inertia))
         dipole_torque = cross(rotate_back(q, learning.vector(x, learning.DIPOLE)), b)
         c, s = self._latitude(r)

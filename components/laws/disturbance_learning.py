@@ -15,23 +15,52 @@ parameter on H over the sample (`causes`), the prediction is x -> F x, P -> F P 
 
     F = [[1, A], [0, 1]].
 
-Where a measurement differs by more than `DOUBT` standard deviations, a component has
-failed, and the effectiveness becomes as uncertain as at first.
+A torque that is not modelled, as air at a low perigee or a vent, must not look like a
+lost coil. The mean innovation of the last sixtieth of an orbit, less what the
+uncertain parameters explain, is the size of such a torque and sets the process noise;
+that size is remembered for an orbit (`gather`). An actuator is lost where the
+innovations follow its command: where over a third of an orbit a change of its
+effectiveness explains `EXPLAINED` of their power, and more than a constant torque or a
+dipole (`find_failure`). Its effectiveness then becomes as uncertain as at first. For
+use, a coil has either failed, with a prior probability of `FAILED`, or has e = 1
+(`judge`).
 
 Fault detection by a momentum balance: Willsky, Automatica 12 (1976) 601.
 """
 
 from __future__ import annotations
 
+from math import exp, sqrt
+
 from ..contract.block import Table, Vec3
 from ..maths import kalman
+from ..maths.vector import norm
 
 MOMENTUM_STATES = 3  # H, with which x begins
 # Index in x of the first element of s, T_eci, T_o, d, e, f, and of T_c and T_s.
 GRAVITY, INERTIAL, ORBITAL, DIPOLE, COILS, THRUSTERS, WAVES = 3, 4, 7, 10, 13, 17, 20
 STATES = 26
 CAUSES = STATES - MOMENTUM_STATES  # parameters
-DOUBT = 6.0
+CANDIDATES = WAVES - INERTIAL  # what may explain a torque: T_eci, T_o, d, e and f
+SMOOTHED = 1.0 / 60.0  # time over which innovations are averaged, in orbits
+MEMORY = 1.0 / 3.0  # time over which they are compared with commands, in orbits
+EXPLAINED = 0.7  # share of the torque's power that a lost actuator explains at least
+CHANGED = 0.3  # least change of e or f that counts as a loss
+# Innovations within so many standard deviations of a parameter's effect are no sign of
+# a torque that is not modelled; of a coil more, as it may be connected the wrong way.
+EXPECTED, EXPECTED_COIL = 2.0, 4.0
+FAILED = 0.01  # prior probability that a coil has failed
+# True errors of e over those of P: torques last, and are not the white noise of P.
+UNDERSTATED = 2.0
+# First index in the evidence: of the mean innovation (N m, eci) and the candidates' mean
+# effects (N m by unit), then sums over `MEMORY` of their products, of the effects'
+# squares and of the innovation's; its excess over `EXPECTED` now, and over an orbit.
+PUSH, EFFECTS = 0, 3
+PRODUCTS = EFFECTS + 3 * CANDIDATES
+SQUARES = PRODUCTS + CANDIDATES
+TOTAL = SQUARES + CANDIDATES
+EXCESS, RECENT = TOTAL + 1, TOTAL + 2
+EVIDENCE = RECENT + 1
 # No actuator gives more than this multiple of its command, or of the opposite. Where a
 # coil is hardly driven, the filter cannot distinguish its effectiveness from the
 # craft's own dipole.
@@ -111,6 +140,7 @@ def update(
     walk: float,
     deviations: Table,
     drift: float,
+    doubted: int,
 ) -> tuple[Table, Table]:
     """Return (x, P) after a sample at whose end H is `measured` (N m s, eci).
 
@@ -130,6 +160,8 @@ def update(
         Prior standard deviations, of `spreads`.
     drift : float
         Random walk of a parameter over its prior standard deviation (1).
+    doubted : int
+        Index in x of an effectiveness that has changed, of `find_failure`; -1: none.
     """
     state = [0.0] * STATES
     covariance = [0.0] * (STATES * STATES)
@@ -137,13 +169,45 @@ def update(
         state[i] = x[i]
     for i in range(STATES * STATES):
         covariance[i] = p[i]
+    if doubted >= 0:
+        spread = deviations[doubted]
+        covariance[STATES * doubted + doubted] += spread * spread
     _predict(state, covariance, effects, walk, deviations, drift)
-    if _is_doubtful(state, covariance, measured, noise):
-        _doubt_actuators(covariance, effects, deviations)
     _correct(state, covariance, measured, noise)
     for i in range(COILS, WAVES):
         state[i] = min(max(state[i], -MOST), MOST)
     return tuple(state), tuple(covariance)
+
+
+def judge(x: Table, p: Table) -> Table:
+    """Return the expected x where a coil has either failed or gives its command.
+
+    x and P (row-major) are those of the filter. Without a failure e is 1, and the other
+    elements are what they are with that. The odds of both by Bayes' rule, with the
+    prior deviation `SPREAD_ACTUATOR` of a coil that has failed, are the variance of a
+    measurement of e = 1.
+    """
+    state = [0.0] * STATES
+    covariance = [0.0] * (STATES * STATES)
+    column = [0.0] * STATES
+    for i in range(STATES):
+        state[i] = x[i]
+    for i in range(STATES * STATES):
+        covariance[i] = p[i]
+    for j in range(COILS, THRUSTERS):
+        variance = covariance[STATES * j + j]
+        if variance > 0.0:
+            lack = 1.0 - state[j]
+            spread = UNDERSTATED * sqrt(variance)
+            surprise = min(0.5 * (lack / spread) * (lack / spread), 100.0)
+            odds = FAILED / (1.0 - FAILED) * sqrt(variance) / SPREAD_ACTUATOR
+            odds *= exp(surprise)
+            for i in range(STATES):
+                column[i] = covariance[STATES * i + j]
+            kalman.correct(state, covariance, column, lack, variance * (1.0 + odds))
+    for i in range(COILS, WAVES):
+        state[i] = min(max(state[i], -MOST), MOST)
+    return tuple(state)
 
 
 def _predict(
@@ -187,32 +251,131 @@ def _effect_on_row(p: list[float], effects: Table, row: int, j: int) -> float:
     return total
 
 
-def _is_doubtful(x: list[float], p: list[float], measured: Vec3, noise: float) -> bool:
-    """Return whether H is beyond `DOUBT` standard deviations of its prediction."""
+def innovation(x: Table, measured: Vec3, effects: Table) -> Vec3:
+    """Return the measured H less its prediction (N m s, eci); arguments as `update`."""
+    found = [0.0, 0.0, 0.0]
     for row in range(MOMENTUM_STATES):
-        variance = p[STATES * row + row] + noise * noise
-        innovation = measured[row] - x[row]
-        if innovation * innovation > DOUBT * DOUBT * variance:
-            return True
-    return False
+        found[row] = measured[row] - x[row]
+        for i in range(CAUSES):
+            found[row] -= effects[CAUSES * row + i] * x[MOMENTUM_STATES + i]
+    return (found[0], found[1], found[2])
 
 
-def _doubt_actuators(p: list[float], effects: Table, deviations: Table) -> None:
-    """Add to P the prior variances of e and f, and their effect on H by F."""
+def gather(
+    evidence: Table,
+    p: Table,
+    found: Vec3,
+    effects: Table,
+    passed: float,
+    orbit: float,
+) -> Table:
+    """Return the evidence after a sample, from zeros on.
+
+    Parameters
+    ----------
+    evidence : Table
+        EVIDENCE numbers, before it.
+    p : Table
+        Covariance (row-major) at its begin.
+    found : Vec3
+        The innovation, of `innovation` (N m s, eci).
+    effects : Table
+        Of `causes`.
+    passed, orbit : float
+        The sample's time and the orbit's period (s).
+    """
+    e = [0.0] * EVIDENCE
+    share = min(passed / (SMOOTHED * orbit), 1.0)
+    for i in range(EVIDENCE):
+        e[i] = evidence[i]
+    for row in range(3):
+        e[PUSH + row] += share * (found[row] / passed - e[PUSH + row])
+        for j in range(CANDIDATES):
+            effect = effects[CAUSES * row + INERTIAL - MOMENTUM_STATES + j] / passed
+            i = EFFECTS + 3 * j + row
+            e[i] += share * (effect - e[i])
+    kept = max(1.0 - passed / (MEMORY * orbit), 0.0)
+    power = _product(e, PUSH, PUSH)
+    for j in range(CANDIDATES):
+        of = EFFECTS + 3 * j
+        e[PRODUCTS + j] = kept * e[PRODUCTS + j] + passed * _product(e, PUSH, of)
+        e[SQUARES + j] = kept * e[SQUARES + j] + passed * _product(e, of, of)
+    e[TOTAL] = kept * e[TOTAL] + passed * power
+    e[EXCESS] = power
+    for i in range(INERTIAL, WAVES):
+        of = EFFECTS + 3 * (i - INERTIAL)
+        most = EXPECTED_COIL if COILS <= i < THRUSTERS else EXPECTED
+        e[EXCESS] -= most * most * p[STATES * i + i] * _product(e, of, of)
+    e[EXCESS] = max(e[EXCESS], 0.0)
+    e[RECENT] += min(passed / orbit, 1.0) * (e[EXCESS] - e[RECENT])
+    return tuple(e)
+
+
+def _product(e: list[float], i: int, j: int) -> float:
+    """Return the scalar product of two vectors of the evidence, at i and at j."""
+    return e[i] * e[j] + e[i + 1] * e[j + 1] + e[i + 2] * e[j + 2]
+
+
+def find_failure(evidence: Table) -> int:
+    """Return the index in x of the effectiveness that has changed; -1: none.
+
+    It has changed where the torque that is not modelled follows the actuator's
+    command, and neither a constant torque nor a dipole explains as much.
+    """
+    most = EXPLAINED
+    for first in (INERTIAL, ORBITAL, DIPOLE):
+        total = 0.0
+        for i in range(first, first + 3):
+            total += _share(evidence, i)
+        most = max(most, total)
+    worst = -1
     for i in range(COILS, WAVES):
-        p[STATES * i + i] += deviations[i] * deviations[i]
-    first, end = COILS - MOMENTUM_STATES, WAVES - MOMENTUM_STATES
-    for row in range(MOMENTUM_STATES):
-        for other in range(MOMENTUM_STATES):
-            for i in range(first, end):
-                deviation = deviations[MOMENTUM_STATES + i]
-                share = effects[CAUSES * row + i] * effects[CAUSES * other + i]
-                p[STATES * row + other] += share * deviation * deviation
-        for i in range(first, end):
-            deviation = deviations[MOMENTUM_STATES + i]
-            added = effects[CAUSES * row + i] * deviation * deviation
-            p[STATES * row + MOMENTUM_STATES + i] += added
-            p[STATES * (MOMENTUM_STATES + i) + row] += added
+        j = i - INERTIAL
+        share = _share(evidence, i)
+        change = abs(evidence[PRODUCTS + j])
+        if share > most and change > CHANGED * evidence[SQUARES + j]:
+            worst, most = i, share
+    return worst
+
+
+def _share(evidence: Table, i: int) -> float:
+    """Return the share of the torque's power that a change of x[i] explains."""
+    j = i - INERTIAL
+    product = evidence[PRODUCTS + j]
+    both = evidence[SQUARES + j] * evidence[TOTAL]
+    return product * product / both if both > 0.0 else 0.0
+
+
+def explain(evidence: Table, failed: int) -> Table:
+    """Return the evidence without the torque that a failed actuator explains.
+
+    failed: of `find_failure`. What follows the commands is gathered anew.
+    """
+    e = [0.0] * EVIDENCE
+    j = failed - INERTIAL
+    change = evidence[PRODUCTS + j] / evidence[SQUARES + j]
+    rest = max(1.0 - _share(evidence, failed), 0.0)
+    for i in range(EVIDENCE):
+        e[i] = evidence[i]
+    for i in range(PRODUCTS, RECENT):
+        e[i] = 0.0
+    for row in range(3):
+        e[PUSH + row] -= change * e[EFFECTS + 3 * j + row]
+    e[RECENT] *= rest
+    return tuple(e)
+
+
+def known_torque(x: Table) -> float:
+    """Return the size of the torques that x has (N m), without gravity and dipole."""
+    total = 0.0
+    for first in (INERTIAL, ORBITAL, WAVES, WAVES + 3):
+        total += norm(vector(x, first))
+    return total
+
+
+def unmodelled_torque(evidence: Table) -> float:
+    """Return the standard deviation of the torque that is not modelled (N m, an axis)."""
+    return sqrt(max(evidence[EXCESS], evidence[RECENT]) / 3.0)
 
 
 def _correct(x: list[float], p: list[float], measured: Vec3, noise: float) -> None:
