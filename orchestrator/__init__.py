@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from .sizing.dumps import DumpSizing
     from .sizing.result import Sizing
     from .studies.compare import Comparison
+    from .studies.faults import FaultTable
     from .studies.ranking import Ranking
     from .studies.tune import Tuned
     from .system.check import Checked
@@ -47,6 +48,7 @@ __all__ = [
     "compare",
     "draws",
     "export",
+    "faults",
     "load",
     "new",
     "prepare",
@@ -379,6 +381,70 @@ def compare(
     known = [x for x in law_names if x not in own_laws]
     criteria = criteria_of(by) if by is not None else ()
     return ranking.choose(names[0], options_given, criteria, known, own_laws)
+
+
+def faults(
+    *targets: str | PathLike[str],
+    names: Sequence[str] = (),
+    laws: str | Sequence[str] = (),
+    count: int = 40,
+    seed: int = 1,
+    number: str | None = None,
+    limits: Mapping[str, float] | None = None,
+    jobs: int = 1,
+    sets: Mapping[str, Any] | None = None,
+    stop: float | str | None = None,
+    step: float | None = None,
+    **options: Unpack[RunOptions],
+) -> FaultTable:
+    """Fly scenarios under faults that their laws do not know of, as `desat faults` does.
+
+    Parameters
+    ----------
+    *targets
+        Scenarios, each with its own law, or one craft.
+    names
+        Faults by name; none: all of them.
+    laws
+        Laws that fly the one craft besides its own, by name, or all.
+    count, seed
+        Samples of each fault.
+    number
+        Number whose median is given; None: the first time that the scenario measures,
+        else the fill of the fullest wheel.
+    limits
+        Largest values of numbers, by name; a sample beyond one fails.
+    jobs
+        Number of processes, as for `draws`.
+    sets, stop, step, **options
+        As for `run`.
+
+    Returns
+    -------
+    FaultTable
+        `.rows` has the outcomes by fault, `.answer` says under which each law breaks.
+
+    Raises
+    ------
+    DesatError
+        If a target, a fault, a law or a number is unknown.
+    RunError
+        If a run does not complete.
+    """
+    from .runs.program import options_of
+    from .studies import faults as study
+
+    return study.fly_faults(
+        [str(target) for target in targets],
+        options_of(stop, step, sets, options),
+        study.chosen(names),
+        count,
+        seed,
+        [laws] if isinstance(laws, str) else laws,
+        number,
+        limits or {},
+        jobs,
+    )
 
 
 def tune(

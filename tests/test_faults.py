@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from desat import faults as desat_faults
 from desat.begin import craft as new_craft
 from desat.begin.facts import CraftFacts
 from desat.campaign.sampling import draw_of
@@ -147,6 +148,12 @@ def test_wrong_faults_are_refused_in_a_line(desat, craft, values, line):
     assert done.returncode == Exit.INPUT
     assert line in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_program_flies_faults(craft):
+    found = desat_faults(str(craft), names=["coil_dead"], count=1, stop=600.0)
+    assert set(found.rows) == {"nominal", "coil_dead"}
+    assert repr(found) == f"<FaultTable {found.answer}>"
 
 
 def test_faults_refuse_several_crafts_under_laws():

@@ -74,7 +74,7 @@ class Outcome:
         return f"{middle}{self.failed} of {self.count} fail"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FaultTable:
     """Outcome of each fault for each contender, and why a fault does not apply."""
 
@@ -85,6 +85,9 @@ class FaultTable:
     seed: int
     rows: Mapping[str, tuple[Fault, tuple[Outcome, ...]]]
     without: Mapping[str, str]  # title of a fault that does not apply -> reason
+
+    def __repr__(self) -> str:
+        return f"<FaultTable {self.answer}>"
 
     @property
     def answer(self) -> str:
