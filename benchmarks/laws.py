@@ -343,7 +343,7 @@ FORMS = {
 def table(rows: tuple[Row, ...], stored_values: dict[str, Any]) -> list[str]:
     """The lines of the table of some rows."""
     lines = [
-        "| case | number | aim | tuned on | judged by | worst draw | draws | met |",
+        "| case | number | aim | tuned on | judged by | worst sample | samples | met |",
         "|---|---|---|---|---|---|---|---|",
     ]
     for row in rows:
