@@ -99,7 +99,17 @@ def test_torques_in_pulses_are_added_to_a_copy_of_the_craft(craft):
 def test_a_sample_that_never_ends_fails(desat):
     """What the scenario measures the time of is not reached."""
     target = "hausat2/detumbling-b-dot"
-    options = ("--fault", "coil_turned", "-n", "1", "--stop", "600", "--json")
+    options = (
+        "--fault",
+        "coil_turned",
+        "-n",
+        "1",
+        "--jobs",
+        "1",
+        "--stop",
+        "600",
+        "--json",
+    )
     done = desat("faults", target, *options)
     assert done.returncode == Exit.COMPLETED, "it breaks without the fault as well"
     answer = json.loads(done.stdout)
@@ -123,7 +133,18 @@ def test_a_sample_beyond_a_limit_fails(craft):
 
 
 def test_the_worst_fault_is_said_in_words(desat, craft):
-    options = ("--fault", "attitude", "--fault", "late", "-n", "1", "--stop", "600")
+    options = (
+        "--fault",
+        "attitude",
+        "--fault",
+        "late",
+        "--jobs",
+        "1",
+        "-n",
+        "1",
+        "--stop",
+        "600",
+    )
     done = desat("faults", craft.name, *options, cwd=craft.parent)
     assert done.returncode == Exit.UNMET
     text = " ".join(done.stdout.split())

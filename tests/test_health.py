@@ -190,7 +190,7 @@ def test_more_dipole_than_wheels_hold(tmp_path, desat):
         "mN m s in and out of the fullest within each orbit, which no rods prevent"
         in text
     )
-    run = execute(str(tmp_path / "six"), Options(stop=43200.0))
+    run = execute(str(tmp_path / "six"), Options(stop=14400.0))
     assert run.code == Exit.UNMET
     assert any("the attitude was lost" in line for line in run.manifest.unmet)
     assert any("at its speed limit" in w for w in run.manifest.warnings)
@@ -270,7 +270,7 @@ def test_thrusters_whose_pulses_are_all_too_short(tmp_path, desat):
         "wheels.h_start_wheel=0.005,0.005,0.005,0.005",
         "thrusters.carried=false",
     ]
-    options = Options(sources=["manager=manager_combined"], sets=sets, stop=20000.0)
+    options = Options(sources=["manager=manager_combined"], sets=sets, stop=6000.0)
     run = execute(str(tmp_path / "jets"), options)
     assert run.results.values("thrusters.on_time")[-1] == 0.0
     assert any("N m s, never fired" in line for line in run.manifest.unmet)
