@@ -179,7 +179,7 @@ def test_only_what_follows_a_command_is_a_lost_coil(cause: str) -> None:
     draw, orbit, passed = random.Random(5), 5700.0, 10.0
     evidence: tuple[float, ...] = (0.0,) * learning.EVIDENCE
     p = (0.0,) * learning.STATES**2
-    lost, largest = [], 0.0
+    failures, largest = [], 0.0
     for k in range(570):
         u = 2.0 * math.pi * passed * k / orbit
         b = np.array([2e-5 * math.cos(u), 3e-6, 4e-5 * math.sin(u)])
@@ -210,14 +210,14 @@ def test_only_what_follows_a_command_is_a_lost_coil(cause: str) -> None:
             orbit,
         )
         largest = max(largest, learning.unmodelled_torque(evidence))
-        lost.append(learning.find_failure(evidence))
+        failures.append(learning.find_failure(evidence))
     if cause == "coil":
-        assert lost[-1] == learning.COILS + 1
-        rest = learning.explain(evidence, lost[-1])
+        assert failures[-1] == learning.COILS + 1
+        rest = learning.explain(evidence, failures[-1])
         assert learning.unmodelled_torque(rest) < 0.1 * largest
         assert learning.find_failure(rest) == -1
     else:
-        assert set(lost[60:]) == {-1}
+        assert set(failures[60:]) == {-1}
     if cause == "pulse":
         assert largest == pytest.approx(math.sqrt(14.0 / 3.0) * 1e-6, rel=0.1)
 
