@@ -294,13 +294,13 @@ def gather(
             effect = effects[CAUSES * row + INERTIAL - MOMENTUM_STATES + j] / passed
             i = EFFECTS + 3 * j + row
             e[i] += share * (effect - e[i])
-    share = max(1.0 - passed / (MEMORY * orbit), 0.0)
+    memory = max(1.0 - passed / (MEMORY * orbit), 0.0)
     power = _product(e, PUSH, PUSH)
     for j in range(CANDIDATES):
         of = EFFECTS + 3 * j
-        e[PRODUCTS + j] = share * e[PRODUCTS + j] + passed * _product(e, PUSH, of)
-        e[SQUARES + j] = share * e[SQUARES + j] + passed * _product(e, of, of)
-    e[TOTAL] = share * e[TOTAL] + passed * power
+        e[PRODUCTS + j] = memory * e[PRODUCTS + j] + passed * _product(e, PUSH, of)
+        e[SQUARES + j] = memory * e[SQUARES + j] + passed * _product(e, of, of)
+    e[TOTAL] = memory * e[TOTAL] + passed * power
     e[EXCESS] = power
     for i in range(INERTIAL, WAVES):
         of = EFFECTS + 3 * (i - INERTIAL)
