@@ -24,6 +24,7 @@ TOO_LARGE = {
     "benchmarks/release.py main": SEQUENCE,
     "benchmarks/run.py fmpy": SEQUENCE,
     "benchmarks/sizing.py estimated": "an independent estimate, written apart from ours",
+    "components/maths/kalman.py predict": "loops over matrices whose zeros it leaves out",
     "components/physics/rigid_body.py slopes": "unpacks what its inner function needs",
     "components/physics/rigid_body.py slope": "where a simulation spends its time",
     "orchestrator/begin/craft.py _template_values": "one entry for each gap of a template",
