@@ -15,6 +15,7 @@ docs/sizing.md.
 from __future__ import annotations
 
 import argparse
+import math
 import random
 import resource
 import tempfile
@@ -762,6 +763,13 @@ def _page(
     return "\n".join(lines)
 
 
+def _criterion_text(value: float) -> str:
+    """A criterion's value; empty where it is not known."""
+    if math.isnan(value):
+        return ""
+    return "not reached" if math.isinf(value) else number(value)
+
+
 def _law_by_law(laws: Sequence[ranking.Ranking]) -> Iterator[str]:
     """What `compare --laws all` says of the papers' crafts."""
     names = [c.title for c in criteria.CRITERIA.values() if c.name in criteria.STANDARD]
@@ -776,7 +784,7 @@ def _law_by_law(laws: Sequence[ranking.Ranking]) -> Iterator[str]:
             values_by_title = dict(
                 zip(
                     (c.title for c in law_ranking.by),
-                    map(number, e.values),
+                    map(_criterion_text, e.values),
                     strict=True,
                 )
             )
@@ -794,8 +802,7 @@ def _law_by_law(laws: Sequence[ranking.Ranking]) -> Iterator[str]:
         better = [
             e.name
             for e in law_ranking.ranked
-            if e is not own_law
-            and all(a <= b for a, b in zip(e.values, own_law.values, strict=True))
+            if e is not own_law and criteria.beats(e.values, own_law.values)
         ]
         beaten = f"; better in all: {', '.join(better)}" if better else ""
         alone = ": no other law of ours fits it" if len(law_ranking.ranked) == 1 else ""
