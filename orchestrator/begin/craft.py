@@ -58,7 +58,7 @@ from ..files.hardware import (
     walk,
 )
 from ..system.errors import DesatError, nearest, plain
-from ..system.model import J2000
+from ..system.model import AUTO, J2000
 from ..system.quantity import Quantity, is_number
 from ..system.sampled_loop import (
     SAMPLE_TIMES,
@@ -85,6 +85,9 @@ POINTINGS = ("nadir", "inertial", "sun", "yaw")
 BRAKING = 7.0
 SLOW = 6.0 * 3600.0  # s: from this orbit period on steps may be longer than a second
 LARGEST_TURN = 0.02  # rad: maximum turn by a wheel's torque in a step
+# rad: maximum turn by the wheels' torque in a substep; analyses/coverage.py shows that
+# the accuracy holds up to it
+KICK = 0.0076
 ACCURACY = 1e-5  # rad: largest attitude error that the substeps may leave
 # Number of dumps of a scenario, and its maximum number of steps.
 DUMPS, MOST_STEPS = 9, 2_500_000
@@ -432,6 +435,7 @@ def _template_values(facts: CraftFacts, name: str, command: str) -> dict[str, An
         "limits": limits,
         "step": step,
         "step_why": step_why,
+        "substeps": _substeps(step, wheels.torque_si / min(inertia), dump),
         "accuracy": f"{_accuracy(limits['pointing']):.3g}",
         "stop": _stop(
             orbit, dump, _secular(orbit, sources, light, centre, dipole), step
@@ -762,6 +766,18 @@ def _bend(orbit: Orbit) -> float:
     v = np.linspace(0.0, math.pi, 721)
     bend = np.sin(v) * (1.0 + e * np.cos(v)) ** 3
     return float(2.0 * orbit.rate**2 * e * bend.max() / (1.0 - e * e) ** 3)
+
+
+def _substeps(step: float, acceleration: float, dump: NewDumps | None) -> int | str:
+    """Return the number of substeps in a step (s): `auto`, but for dumps by thrusters.
+
+    With pulses no short flight beforehand represents a run. There it is the number that
+    `coverage.LIMITS` requires when all wheels turn the craft at their torque (rad/s2
+    each).
+    """
+    if dump is None or dump.by != "thrusters":
+        return AUTO
+    return min(8, math.ceil(step * math.sqrt(2.4 * acceleration / KICK)))
 
 
 def _accuracy(pointing: str) -> float:

@@ -68,6 +68,8 @@ from .criteria import (
 if TYPE_CHECKING:
     from pandas import DataFrame  # type: ignore[import-untyped]
 
+CROSS_PRODUCT = "cross product"  # the plainest law of the block PLAINEST
+
 
 @dataclass(frozen=True)
 class RankedLaw:
@@ -470,17 +472,18 @@ def by_reason(refused: Sequence[Refused]) -> list[tuple[str, str]]:
     return [(", ".join(texts), reason) for reason, texts in reasons.items()]
 
 
-def plainness(law: Fitting) -> tuple[bool, float]:
+def plainness(law: Fitting) -> tuple[bool, bool, float]:
     """Return a key by which laws are sorted from the plainest on.
 
     The cross product comes first, then a law by the number of its block's parameters;
     files of the user's own come last.
     """
+    is_other = law.name != CROSS_PRODUCT
     if law.manager not in names():
-        return True, np.inf
+        return True, is_other, np.inf
     variables = block_class(law.manager)().variables
     count = sum(v.causality == "parameter" for v in variables)
-    return law.manager != PLAINEST, count
+    return law.manager != PLAINEST, is_other, count
 
 
 def laws_of(
