@@ -14,7 +14,7 @@ import re
 import statistics
 import tomllib
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib.util import find_spec
 from typing import Any
 
@@ -85,14 +85,10 @@ class Verbs:
             limits=limits or {},
             jobs=self._of.jobs,
         )
-        text = found.answer
-        for name, label in zip(names, laws.values(), strict=True):
-            text = text.replace(f"{name}:", f"{label}:").replace(
-                f"{name} breaks", f"{label} breaks"
-            )
+        found = replace(found, labels=tuple(laws.values()))
         title = f"{found.title} {spell_unit(found.unit)}".rstrip()
         lines = [
-            f"**Where it breaks.** {text}",
+            f"**Where it breaks.** {found.answer}",
             "",
             f"| {title}, median; samples of {samples} that fail | "
             f"{' | '.join(laws.values())} |",

@@ -171,8 +171,8 @@ def _count_stopped(rows: Sequence[RunRow]) -> int:
     return sum(row.stopped_when is not None for row in rows)
 
 
-class One:
-    """Runner of sources by target, which reads each once a process.
+class SourceReader:
+    """Reader of sources by target, each once a process.
 
     (Sources are not sent to processes that start: an object larger than a pipe blocks
     if the process ends before it has read it.)
@@ -186,6 +186,10 @@ class One:
         if target not in self._known:
             self._known[target] = read(target)
         return self._known[target]
+
+
+class One(SourceReader):
+    """Runner of samples of sources by target."""
 
     def __call__(
         self, target: str, options: Options, seed: int, draw: int | None
@@ -320,7 +324,7 @@ def rows_of(
     title: str,
     progress: bool,
     *known: Target,
-    runner: type[One] = One,
+    runner: Callable[..., Callable[..., RunRow]] = One,
 ) -> list[RunRow]:
     """Run all tasks over `jobs` processes, and return their rows.
 

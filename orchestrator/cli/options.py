@@ -93,6 +93,7 @@ Sets = Annotated[
         "repeated.",
     ),
 ]
+Seed = Annotated[int, typer.Option(help="Seed of the random samples.", min=0)]
 Sources = Annotated[
     list[str] | None,
     typer.Option(

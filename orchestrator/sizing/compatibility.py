@@ -58,6 +58,11 @@ class Fitting:
     # parameter -> its rule and the resulting value; empty for the craft's own law
     gains: Mapping[str, str]
 
+    @property
+    def label(self) -> str:
+        """Return the name, marked if the law is the craft's own."""
+        return f"{self.name} (own)" if self.is_own else self.name
+
 
 @dataclass(frozen=True)
 class Refused:

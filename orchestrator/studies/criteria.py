@@ -52,8 +52,11 @@ class MeasuredRun(NamedTuple):
 
     def rows(self, series: str) -> Array:
         """Return the rows of a series that are measured."""
-        times = self.results.times(series)
-        return self.results.values(series)[times >= self.first - 1e-9]
+        return self.late(self.results.values(series), self.results.times(series))
+
+    def late(self, values: Array, times: Array) -> Array:
+        """Return those of the values at times (s) that are measured."""
+        return np.asarray(values[times[: len(values)] >= self.first - 1e-9])
 
 
 def measured_run(manifest: Manifest, results: Results) -> MeasuredRun:
@@ -87,7 +90,7 @@ def _filled(run: MeasuredRun) -> float | None:
     fill = management.fill(run.manifest, run.results)
     if fill is None:
         return None
-    return float(fill[run.results.times()[: len(fill)] >= run.first - 1e-9].max())
+    return float(run.late(fill, run.results.times()).max())
 
 
 def _stored(run: MeasuredRun) -> float | None:
@@ -95,8 +98,8 @@ def _stored(run: MeasuredRun) -> float | None:
     stored = management.stored(run.manifest, run.results)
     if stored is None:
         return None
-    rows = run.results.times()[: len(stored)] >= run.first - 1e-9
-    return float(np.linalg.norm(stored[rows], axis=1).max())
+    late = run.late(stored, run.results.times())
+    return float(np.linalg.norm(late, axis=1).max())
 
 
 def _duty(run: MeasuredRun) -> float | None:

@@ -89,7 +89,7 @@ class RankedLaw:
     @property
     def label(self) -> str:
         """Return the name, marked if the law is the craft's own."""
-        return f"{self.name} (own)" if self.law.is_own else self.name
+        return self.law.label
 
     @property
     def gains(self) -> str:

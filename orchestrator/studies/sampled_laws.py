@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..campaign.draws import One, RunRow, ran, rows_of
+from ..campaign.draws import RunRow, SourceReader, ran, rows_of
 from ..campaign.sampling import draw_of
 from ..campaign.spread import Spread, spreads
 from ..language.content import content_of
@@ -38,10 +38,10 @@ from .ranking import laws_of, recorded
 EMPTYING = "emptying"
 
 
-class JudgedSample(One):
+class JudgedSample(SourceReader):
     """Runner of samples whose numbers are the criteria of laws."""
 
-    def __call__(  # type: ignore[override]
+    def __call__(
         self,
         target: str,
         options: Options,
@@ -100,11 +100,6 @@ class SampledLaw:
     failed: int  # samples that do not complete or miss a requirement
     reasons: tuple[str, ...]  # why they fail, each once
 
-    @property
-    def label(self) -> str:
-        """Return the law's name, marked if it is the craft's own."""
-        return f"{self.law.name} (own)" if self.law.is_own else self.law.name
-
     def median(self, criterion: str) -> float:
         """Return the median of a criterion; infinite where it is not reached."""
         middle = self.spreads[criterion].levels["median"]
@@ -160,7 +155,7 @@ class SampledRanking:
         ]
         rows: list[Row] = [
             [
-                e.label,
+                e.law.label,
                 *(_interval(e.spreads[c.name]) for c in self.by),
                 e.failed,
                 "; ".join(e.reasons),

@@ -58,7 +58,7 @@ def run(
             help="random, latin-hypercube, sobol, or saltelli (for Sobol indices)."
         ),
     ] = "random",
-    seed: Annotated[int, typer.Option(help="Seed of the random samples.", min=0)] = 1,
+    seed: o.Seed = 1,
     folder: Annotated[
         Path | None,
         typer.Option(

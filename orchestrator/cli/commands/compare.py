@@ -50,7 +50,7 @@ def compare(
             "print the statistics of their differences.",
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the random samples.", min=0)] = 1,
+    seed: o.Seed = 1,
     laws: Annotated[
         str | None,
         typer.Option(

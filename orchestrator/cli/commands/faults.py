@@ -29,7 +29,7 @@ def faults(
             "-n", "--count", min=1, help="Number of random samples of each fault."
         ),
     ] = 40,
-    seed: Annotated[int, typer.Option(help="Seed of the random samples.", min=0)] = 1,
+    seed: o.Seed = 1,
     laws: Annotated[
         str | None,
         typer.Option(

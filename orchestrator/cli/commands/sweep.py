@@ -36,7 +36,7 @@ def sweep(
             help="Print medians of this many random samples (0: none).",
         ),
     ] = 0,
-    seed: Annotated[int, typer.Option(help="Seed of the random samples.", min=0)] = 1,
+    seed: o.Seed = 1,
     sets: o.Sets = None,
     stop: o.Stop = None,
     step: o.Step = None,

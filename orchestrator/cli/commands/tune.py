@@ -54,7 +54,7 @@ def tune(
     unseen: Annotated[
         int, typer.Option(help="Further random samples that test the result.", min=1)
     ] = 16,
-    seed: Annotated[int, typer.Option(help="Seed of the random samples.", min=0)] = 1,
+    seed: o.Seed = 1,
     sets: o.Sets = None,
     stop: o.Stop = None,
     step: o.Step = None,
