@@ -120,7 +120,7 @@ class SampledRanking:
     ranked: tuple[SampledLaw, ...]
     refused: tuple[Refused, ...]
     notes: tuple[str, ...]
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[str, ...]  # of the run with the craft's own law
 
     @property
     def answer(self) -> str:
@@ -283,7 +283,14 @@ def rank_samples(
     ]
     ranked.sort(key=lambda e: (e.failed, [e.median(c.name) for c in by]))
     return SampledRanking(
-        target, count, seed, by, tuple(ranked), tuple(refused), tuple(notes)
+        target,
+        count,
+        seed,
+        by,
+        tuple(ranked),
+        tuple(refused),
+        tuple(notes),
+        tuple(first.manifest.warnings),
     )
 
 

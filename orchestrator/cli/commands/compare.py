@@ -235,6 +235,7 @@ def _sampled_laws(
         ranked = rank_samples(
             target, options, criteria, laws, others, *samples, progress
         )
+    warn(ranked.warnings)
     if as_json:
         print_json(ranked.as_json())
     else:
