@@ -224,10 +224,10 @@ def _free(
     rate, change = axial
     n = _parts(motor, rotor, command, axial, dt, inf)
     part, total = dt / n, 0.0
+    learns = _learning(motor, part)
     for i in range(n):
-        rotor, integral = _part(
-            motor, rotor, command, (rate + change * i * part, change), part
-        )
+        now = rate + change * i * part, change
+        rotor, integral = _part(motor, rotor, command, now, part, learns)
         total += integral
     return rotor, total
 
@@ -250,9 +250,10 @@ def _moving(
             dt = turns
     n = _parts(motor, rotor, command, axial, dt, fastest)
     part, total = dt / n, 0.0
+    learns = _learning(motor, part)
     for i in range(n):
         now = rate + change * i * part, change
-        after, integral = _part(motor, rotor, command, now, part)
+        after, integral = _part(motor, rotor, command, now, part, learns)
         if _has_ended(motor, after, now, part, fastest):
             after, lasted, integral = _to_its_end(
                 motor, rotor, command, now, part, fastest
@@ -287,17 +288,15 @@ def _to_its_end(
     before, lasted = 0.0, dt
     for _ in range(HALVINGS):
         middle = 0.5 * (before + lasted)
-        if _has_ended(
-            motor,
-            _part(motor, rotor, command, axial, middle)[0],
-            axial,
-            middle,
-            fastest,
-        ):
+        learns = _learning(motor, middle)
+        after, _ = _part(motor, rotor, command, axial, middle, learns)
+        if _has_ended(motor, after, axial, middle, fastest):
             lasted = middle
         else:
             before = middle
-    (h, torque, learnt, way), integral = _part(motor, rotor, command, axial, lasted)
+    (h, torque, learnt, way), integral = _part(
+        motor, rotor, command, axial, lasted, _learning(motor, lasted)
+    )
     rate += change * lasted
     omega = h / j - rate
     if motor[6] > 0.0 and omega * way < 0.0:
@@ -342,19 +341,29 @@ def _parts(
     return min(max(1, ceil(parts)), 64)
 
 
+def _learning(motor: Motor, dt: float) -> float:
+    """Compute the share of a constant friction that the loop learns in dt (s)."""
+    return -expm1(-motor[5] * dt) if motor[5] > 0.0 else 0.0
+
+
 def _part(
-    motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float
+    motor: Motor,
+    rotor: Rotor,
+    command: float,
+    axial: Axial,
+    dt: float,
+    learns: float,
 ) -> tuple[Rotor, float]:
     """Propagate the rotor over dt (s), within which its motion does not end.
 
-    Returns the state and the integral of h (N m s2).
+    `learns` is `_learning` of dt. Returns the state and the integral of h (N m s2).
     """
     _, lag, viscous, coulomb, _, compensation, stiction, torque_limit = motor
     if viscous == coulomb == stiction == 0.0:
         return _frictionless(motor, rotor, command, dt)
     if compensation <= 0.0:
         return _with_friction(motor, rotor, command, axial, dt)
-    after, integral = _compensated(motor, rotor, command, axial, dt)
+    after, integral = _compensated(motor, rotor, command, axial, dt, learns)
     # `motor_torque` at t = 0, without its exponential of 0
     start = (rotor[1] if lag > 0.0 else command) + rotor[2]
     most = torque_limit * (1.0 + 1e-12)
@@ -451,25 +460,30 @@ def _friction_loss(
 
 
 def _compensated(
-    motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float
+    motor: Motor,
+    rotor: Rotor,
+    command: float,
+    axial: Axial,
+    dt: float,
+    learns: float,
 ) -> tuple[Rotor, float]:
     """Propagate a rotor whose loop of bandwidth c (1/s) learns the friction.
 
-    The friction goes linearly from start to end, and the loop's exponential is exact.
+    The friction goes linearly from start to end, and the loop's exponential is exact:
+    `learns` = 1 - exp(-c dt).
     """
     j, c, (rate, change) = motor[0], motor[5], axial
     h0, torque0, learnt, way = rotor
     pushed, first_pushed, torque, _ = driven(motor, torque0, command, dt)
     start = _drag(motor, h0 / j - rate, way)
     x0 = start - learnt
-    decayed = -expm1(-c * dt)
-    omega = (h0 + pushed - x0 * decayed / c) / j - rate - change * dt
+    omega = (h0 + pushed - x0 * learns / c) / j - rate - change * dt
     end = _drag(motor, omega, way)
     steady = (end - start) / (c * dt)
     rest = x0 - steady
-    friction_loss = steady * dt + rest * decayed / c
-    first = 0.5 * steady * dt * dt + rest / c * (dt - decayed / c)
-    learnt = end - steady - rest * (1.0 - decayed)
+    friction_loss = steady * dt + rest * learns / c
+    first = 0.5 * steady * dt * dt + rest / c * (dt - learns / c)
+    learnt = end - steady - rest * (1.0 - learns)
     return (
         h0 + pushed - friction_loss,
         torque,

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..language.content import dispersions_of
-from ..numbers.statistics import clopper_pearson
+from ..numbers.statistics import clopper_pearson, median_interval
 from ..runs.prepare import Target
 from ..runs.run import Options
 from ..system.errors import DesatError
@@ -253,7 +253,7 @@ def confident(each: Sequence[float], level: float = 0.95) -> Spread:
     The median has its interval (order statistics), and the share below 0 its own
     (Clopper-Pearson), both at a level.
     """
-    n, ordered = len(each), sorted(each)
+    n = len(each)
     lower = sum(x < 0.0 for x in each)
     spread = Spread(
         levels={
@@ -268,14 +268,12 @@ def confident(each: Sequence[float], level: float = 0.95) -> Spread:
     )
     if not n:
         return spread
-    # k-th smallest and k-th largest enclose the median with at least this confidence
-    from scipy.stats import binom  # import takes half a second
-
-    k = int(binom.ppf((1.0 - level) / 2.0, n, 0.5))
+    _, smallest, largest = median_interval(each, level)
     return replace(
         spread,
-        interval=[ordered[max(k - 1, 0)], ordered[min(n - k, n - 1)]],
-        interval_holds=k > 0,
+        interval=[smallest, largest],
+        # that from the smallest to the largest value fails with this probability
+        interval_holds=2.0 ** (1 - n) <= 1.0 - level,
         share_lower=100.0 * lower / n,
         share_lower_interval=clopper_pearson(lower, n, level),
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import warnings
 from collections import Counter
@@ -119,6 +120,7 @@ class CampaignSummary:
 
 
 STRONG = 0.2  # rank correlations from this size on are shown
+FEWEST = 10  # cases from which a correlation is computed
 CHANCE = 0.01  # probability that one of all those shown is due to chance alone
 # Groups of cases from which on Sobol indices are reported. For fewer, the intervals of
 # SALib, which are made of the same cases, mean nothing.
@@ -273,22 +275,27 @@ def _drivers(inputs: Mapping[str, Array], out: Mapping[str, Array]) -> list[Driv
     """Compute strong rank correlations (Spearman), strongest first.
 
     They are between inputs and numbers. Among some hundred pairs several would exceed a
-    level meant for one pair, so `CHANCE` is shared by all.
+    level meant for one pair, so `CHANCE` is shared by all. That of one pair follows
+    from Student's t with n - 2 degrees of freedom.
     """
-    from scipy.stats import spearmanr  # import takes half a second
+    from pandas import DataFrame  # type: ignore[import-untyped]
+    from scipy.special import stdtr  # scipy.stats takes half a second to import
 
     drivers = []
     level = CHANCE / max(len(inputs) * len(out), 1)
-    for number, y in out.items():
-        for name, x in inputs.items():
-            there = np.isfinite(x) & np.isfinite(y)
-            if there.sum() < 10 or np.ptp(x[there]) == 0.0 or np.ptp(y[there]) == 0.0:
+    table = DataFrame({**inputs, **out}).astype(float)
+    table = table.where(np.isfinite(table))
+    correlations = table.corr("spearman", min_periods=FEWEST)
+    for number in out:
+        for name in inputs:
+            n = int((table[name].notna() & table[number].notna()).sum())
+            correlation = float(correlations.loc[name, number])
+            if not abs(correlation) >= STRONG:  # nan where one of them is constant
                 continue
-            result = spearmanr(x[there], y[there])
-            if abs(result.statistic) >= STRONG and result.pvalue < level:
-                drivers.append(
-                    Driver(name, number, int(there.sum()), float(result.statistic))
-                )
+            rest = 1.0 - correlation**2
+            t = math.sqrt((n - 2) / rest) * correlation if rest > 0.0 else math.inf
+            if 2.0 * stdtr(n - 2, -abs(t)) < level:
+                drivers.append(Driver(name, number, n, correlation))
     return sorted(drivers, key=lambda d: (-abs(d.correlation), d.input, d.number))
 
 

@@ -13,6 +13,7 @@ import signal
 import sys
 import threading
 import time
+import warnings
 from collections import deque
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import suppress
@@ -184,7 +185,10 @@ class _Worker:
     """Process that takes one call at a time."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
-        context = get_context("spawn")
+        # a fork has what its parent has loaded, which would take it 0.6 s to import
+        context = (
+            get_context("fork") if process_state.CAN_FORK else get_context("spawn")
+        )
         self.pipe, theirs = context.Pipe()
         self.key: Hashable = None
         self._since: float | None = None
@@ -192,7 +196,8 @@ class _Worker:
         self._process = context.Process(
             target=_serve, args=(theirs, function, os.getpid()), daemon=True
         )
-        with process_state.one_thread():
+        with process_state.one_thread(), warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)  # of threads
             self._process.start()
         theirs.close()
 
@@ -234,7 +239,12 @@ class _Worker:
         self._process.join()
 
     def close(self) -> None:
-        """Close the pipe, and wait for the process to end."""
+        """Let the process end, and wait for it.
+
+        Closing the pipe alone would not do: later forks have copies of this end.
+        """
+        with suppress(BrokenPipeError):
+            self.pipe.send(None)
         self.pipe.close()
         self._process.join()
 
@@ -244,13 +254,14 @@ def _serve(pipe: Any, function: Callable[..., Any], head: int) -> None:
 
     It leaves Ctrl-C to its parent, and ends with it.
     """
+    for number in process_state.stop_signals():  # a fork has its parent's handlers
+        signal.signal(number, signal.SIG_DFL)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     process_state.adopt()
     threading.Thread(target=_die_with, args=(head,), daemon=True).start()
     with suppress(EOFError, OSError):
         pipe.send(("ready", None))
-        while True:
-            arguments = pipe.recv()
+        while (arguments := pipe.recv()) is not None:
             try:
                 answer = ("result", function(*arguments))
             except Exception as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import re
 import signal
@@ -22,6 +23,9 @@ from .console import app, err, out
 from .spare import spare
 
 PROGRESS = "desat.runs.progress"
+# Allocations between two searches for cycles: with Python's 700 they take a thirtieth of
+# a command, which leaves few cycles behind.
+COLLECT_AFTER = 50_000
 REPEAT_AFTER = 0.05  # s: a callback of the interpreter or of ctypes has ended by then
 
 
@@ -105,6 +109,7 @@ def app_for(words: Sequence[str]) -> typer.Typer:
 def main() -> None:
     """Run the command; every error is printed as a line, never as a traceback."""
     os.environ.setdefault(THREADS, "1")  # before numpy is loaded
+    gc.set_threshold(COLLECT_AFTER)
     for number in stop_signals():
         if number != signal.SIGINT:
             signal.signal(number, _terminate)

@@ -28,7 +28,7 @@ from ..node import Slot
 from . import memory, shared_tables
 from .results import Results, frame_of
 from .row_buffer import Bank, Layout, Places, RowBuffer
-from .series_file import DataSetPlan, Packing, aside, path_while_packing
+from .series_file import TIME, DataSetPlan, Packing, aside, path_while_packing
 
 T = TypeVar("T")
 ROWS = 8192  # rows of each half of the buffer and of a chunk of the file
@@ -90,7 +90,7 @@ class Recorder:
             index, sets = self._tables(series)
         about_time = {"unit": "s", "description": "communication points t_k"}
         plans = [
-            self._plan("/time", 0, np.float64, about_time),
+            self._plan(TIME, 0, np.float64, about_time),
             *(plan for plan, _ in sets),
         ]
         self._plans = plans
