@@ -77,7 +77,7 @@ def test_a_step_with_friction(command, torque0, h, lag, rate, compensation):
     rotor = (h, torque0, 1e-4 if compensation else 0.0, 0.0)
     (h1, t1, l1, _), integral = step(motor, rotor, command, rate, 1.1 * rate, 1.0, 1e9)
     (he, te, le), integral_e = exact(motor, rotor, command, rate, 1.1 * rate, 1.0)
-    # a compensating loop takes friction as linear over the step
+    # a compensating loop takes friction as linear in the speed
     accuracy = 2e-6 if compensation else 5e-7
     assert h1 == pytest.approx(he, abs=accuracy)
     assert t1 == pytest.approx(te, abs=1e-9)
@@ -394,7 +394,7 @@ def test_the_limit_is_found_inside_a_step(dt, friction):
     ]
     rows = momenta(dt, commands, **values, **friction)
     fine = momenta(0.01, commands, **values, **friction)
-    # a compensating loop takes friction as linear over the step
+    # a compensating loop takes friction as linear in the speed
     assert rows == pytest.approx(fine, abs=1e-6 if "compensation" in friction else 1e-7)
     assert rows[0] == pytest.approx((0.8, -0.8, 0.0, 0.0), abs=1e-12)
 

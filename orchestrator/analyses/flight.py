@@ -27,6 +27,7 @@ from ..engine.instances.base import Clock, ComponentError
 from ..engine.instances.fmu import FmuInstance
 from ..files import library
 from ..numbers.derived import coil_impulse, cross, from_body, rotate_back
+from ..numbers.spline import Spline
 from ..system.errors import DesatError
 from ..system.interface import MOVED_KINDS, Kind, Signal
 from ..system.model import Component, System, Values
@@ -614,10 +615,8 @@ def between(inputs: dict[str, Array], nodes: Array, times: Array) -> dict[str, A
     nodes every 120 s of a low orbit the field errs by 1e-5, and by 1e-4 in the first
     and last interval.
     """
-    from scipy.interpolate import CubicSpline
-
     inputs_between = {
-        k: CubicSpline(nodes, inputs[k])(times)
+        k: Spline(nodes, inputs[k])(times)
         for k in ("r_eci", "v_eci", "b_eci", "sun_eci")
     }
     for name in ("sunlight", "density"):
