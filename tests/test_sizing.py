@@ -23,6 +23,7 @@ from desat.numbers.derived import cross
 from desat.numbers.text import format_momenta
 from desat.runs.prepare import prepare
 from desat.runs.run import Options, execute
+from desat.sizing import law as law_module
 from desat.sizing import map as sizing_map
 from desat.sizing import page as sizing_page
 from desat.sizing import sizing
@@ -250,6 +251,51 @@ def test_what_is_no_law_of_the_momentum_alone_is_refused(model, values, text):
         ask(
             law_by(block, model, np.zeros(3)), day_of(NAME)[1], np.arange(0, 20000, 500)
         )
+
+
+@pytest.mark.parametrize(
+    "model",
+    ["manager_cross_product", "manager_closed_loop", "manager_magnetic_ilqr"],
+)
+def test_a_native_fmu_gives_a_law_as_its_block_does(model, monkeypatch):
+    """The momenta of the wheels of a pyramid are units to the last bit but one."""
+    flight, rows = turning(), np.arange(0, 1350, 10)
+
+    def answer():
+        block = block_class(model)()
+        found = ask(law_by(block, model, np.zeros(3)), flight, rows)
+        return found, block
+
+    native, block = answer()
+    assert (
+        law_module._ask_native(
+            law_by(block, model, np.zeros(3)), law_module._samples(None, flight, rows)
+        )
+        is not None
+    )
+    monkeypatch.setattr(law_module, "native_of", lambda block: None)
+    written, _ = answer()
+    largest = np.abs(written.gain).max()
+    assert native.gain == pytest.approx(written.gain, rel=1e-12, abs=1e-14 * largest)
+    assert native.offset == pytest.approx(written.offset, rel=1e-12)
+
+
+def test_a_law_that_comes_to_remember_is_refused(monkeypatch):
+    """By one flight that takes the momenta in turn: the first rows show nothing."""
+    real = law_module.rows_of
+    calls = []
+
+    def remembers(component, times, outputs, inputs, values):
+        rows = real(component, times, outputs, inputs, values)
+        calls.append(1)
+        if len(calls) == len(law_module.MOMENTA) + 1:
+            rows[100:] *= 1.0 + 1e-15
+        return rows
+
+    monkeypatch.setattr(law_module, "rows_of", remembers)
+    block = block_class("manager_closed_loop")()
+    with pytest.raises(UnsuitedError, match="with memory"):
+        ask(law_by(block, "x", np.zeros(3)), turning(), np.arange(0, 1350, 10))
 
 
 def test_a_law_that_plans_by_the_momentum_is_refused():

@@ -23,13 +23,11 @@ from desat.components.physics.orbit import lvlh_attitude
 from desat.components.physics.rod import warm
 from desat.fmus.registry import names
 
-from ..engine.instances.base import Clock, ComponentError
-from ..engine.instances.fmu import FmuInstance
+from ..engine.instances.fmu import rows_of
 from ..files import library
 from ..numbers.derived import coil_impulse, cross, from_body, rotate_back
 from ..numbers.spline import Spline
 from ..system.errors import DesatError
-from ..system.interface import MOVED_KINDS, Kind, Signal
 from ..system.model import Component, System, Values
 from ..system.parameters import Parameter, bare_block, table
 from ..system.wheels import axes_of, capacities, existing
@@ -576,36 +574,27 @@ def _rows_of_fmu(block: Block, times: Sequence[float]) -> Array | None:
 
     None where there is none, or where it fails: then the Python says why.
     """
+    if (component := native_of(block)) is None:
+        return None
+    elements = component.interface.elements
+    outputs = [s for name in ENVIRONMENT_OUTPUTS for s in elements[name]]
+    return rows_of(component, times, outputs)
+
+
+def native_of(block: Block) -> Component | None:
+    """Return the native FMU of a block, with the block's parameters.
+
+    None where there is no such FMU.
+    """
     model = type(block).__module__.rpartition(".")[2]
     fmu = library.of_ours(f"{model}.fmu") if model in names() else None
     if fmu is None or fmu.path.parent.name != "native":
         return None
-    interface = fmu.interface
-    parameters = [s for s in interface.signals.values() if s.causality == "parameter"]
+    signals = fmu.interface.signals.values()
+    parameters = [s for s in signals if s.causality == "parameter"]
     values = block.access([s.reference for s in parameters]).read()
-    start_values = {s.name: x for s, x in zip(parameters, values, strict=True)}
-    outputs = [s for name in ENVIRONMENT_OUTPUTS for s in interface.elements[name]]
-    into: dict[Kind, Array] = {"Real": np.zeros(len(outputs))}
-    clock = Clock(times[0], 0.0)
-    component = Component(model, fmu.path.name, interface, start_values, fmu)
-    instance = FmuInstance(component, fmu)
-    rows = np.empty((len(times), len(outputs)))
-    try:
-        no_inputs: dict[Kind, list[Signal]] = {kind: [] for kind in MOVED_KINDS}
-        instance.wire(no_inputs, {**no_inputs, "Real": outputs}, into, clock)
-        instance.enter(times[0], start_values)
-        instance.exit()
-        for k, t in enumerate(times):
-            clock.dt.value = t - clock.t.value
-            if (k > 0 and instance.step() > 1) or instance.pull() > 1:
-                return None
-            clock.t.value = t
-            rows[k] = into["Real"]
-    except ComponentError:
-        return None
-    finally:
-        instance.close()
-    return rows
+    by_name = dict(zip((s.name for s in parameters), values, strict=True))
+    return Component(model, fmu.path.name, fmu.interface, by_name, fmu)
 
 
 def between(inputs: dict[str, Array], nodes: Array, times: Array) -> dict[str, Array]:

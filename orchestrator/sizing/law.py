@@ -9,7 +9,8 @@ in the closed loop alone.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,9 +21,15 @@ from desat.components.bases.momentum_management import MomentumManagement
 from desat.components.contract.block import Block, BlockError, Vec3
 from desat.components.maths.attitude import rotate
 from desat.components.maths.vector import ZERO
+from desat.components.physics.wheel_array import (
+    body_momentum,
+    pseudo_inverse,
+    to_wheels,
+)
 from desat.fmus.registry import block_class, names
 
-from ..analyses.flight import Flight
+from ..analyses.flight import Flight, native_of
+from ..engine.instances.fmu import rows_of
 from ..system.model import Component
 from .compatibility import law_name
 
@@ -33,6 +40,10 @@ CHECKED = 100  # rows from one test of a law for memory and being affine to the 
 UNITS: tuple[Vec3, Vec3, Vec3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 Samples = tuple[list[float], dict[str, Array]]  # times (s), and inputs by name
 OTHER: Vec3 = (0.6, -0.3, 0.8)  # N m s: momentum at which an affine law is tested
+PROBED, MOMENTA = (*UNITS, ZERO), (*UNITS, OTHER, ZERO)
+HEAD = 24  # rows in which a native FMU must give the bits of its block
+AFFINE = 1e-9  # share of the largest dipole by which an affine law may miss another
+VALID = {"enable", "valid_b", "valid_q", "valid_omega", "valid_h"}
 STEP = 10.0  # s: samples of a slow law that are closer are combined
 OTHERS_STEP = 40.0  # s: the same for laws that are compared with the craft's own
 SLOW = 0.1  # maximum share of the momentum removed between two samples of the model
@@ -107,9 +118,7 @@ def law_by(block: Block, name: str, target: Array) -> Law:
     deadband = getattr(block, "h_deadband", 0.0)
     if deadband:
         vars(block)["h_deadband"] = 0.0
-    block.enable = block.valid_b = block.valid_q = block.valid_omega = block.valid_h = (
-        True
-    )
+    vars(block).update(dict.fromkeys(VALID, True))
     return Law(name, block, block.sample_time, deadband, target, limit)
 
 
@@ -131,7 +140,9 @@ def ask(law: Law, flight: Flight, rows: Array) -> LinearisedLaw:
     samples = _samples(law, flight, rows)
     dipoles = _ask_at_once(law, samples)
     if dipoles is None:
-        dipoles = _ask_one_by_one(law, samples)
+        dipoles = _ask_native(law, samples)
+    if dipoles is None:
+        dipoles = _ask_one_by_one(law, samples, PROBED)
     offset = dipoles[:, 3]
     gain = (dipoles[:, :3] - offset[:, None]).transpose(0, 2, 1)
     return LinearisedLaw(np.ascontiguousarray(gain), offset)
@@ -171,7 +182,7 @@ def _ask_at_once(law: Law, samples: Samples) -> Array | None:
             for k, x in inputs.items()
         }
         answers = np.empty((len(times), 4, 3))
-        for i, h in enumerate((*UNITS, ZERO)):
+        for i, h in enumerate(PROBED):
             state.update(columns)
             dipole = law.block.dump(times[0], times[0], h)[1][0]
             for axis, values in enumerate(dipole):
@@ -180,7 +191,7 @@ def _ask_at_once(law: Law, samples: Samples) -> Array | None:
         for k in _probed(len(times)):
             state.update(_sample_of(inputs, k))
             _check_sample(law, times[k])
-            one = [law.block.dump(times[k], times[k], h)[1][0] for h in (*UNITS, ZERO)]
+            one = [law.block.dump(times[k], times[k], h)[1][0] for h in PROBED]
             if not np.array_equal(answers[k], np.array(one)):
                 return None
     except (TypeError, ValueError):
@@ -190,8 +201,61 @@ def _ask_at_once(law: Law, samples: Samples) -> Array | None:
     return answers
 
 
-def _ask_one_by_one(law: Law, samples: Samples) -> Array:
-    """Return the dipoles (rows, 4, 3) at UNITS and ZERO, sample by sample."""
+def _ask_native(law: Law, samples: Samples) -> Array | None:
+    """Return the dipoles (rows, 4, 3) at UNITS and ZERO by the block's native FMU.
+
+    An instance flies along the rows for each momentum, so that a state that does not
+    follow the momentum, as the field before, is that of the law. One more takes the
+    momenta in turn, and differs where the law remembers them. None where there is no
+    such FMU, or where it does not give the bits of the block in the first rows.
+
+    Raises UnsuitedError if the law has memory or is not affine in the momentum.
+    """
+    times, inputs = samples
+    component = native_of(law.block)
+    if component is None or len(times) <= HEAD:
+        return None
+    axes = law.block.axes_wheel
+    wheels = [to_wheels(pseudo_inverse(axes), h) for h in MOMENTA]
+    momenta = [body_momentum(axes, h) for h in wheels]
+    if not np.allclose(momenta, MOMENTA, rtol=0.0, atol=1e-9):
+        return None  # the wheels do not span space
+    signals, elements = component.interface.signals, component.interface.elements
+    valid = dict.fromkeys(signals.keys() & VALID, True)
+    component = replace(component, parameters={**component.parameters, **valid})
+    names = [name for name in inputs if name in elements]
+    fed = [s for name in ("h_wheel", *names) for s in elements[name]]
+    measured = [inputs[name] for name in names]
+
+    def fly(h: Array) -> Array | None:
+        """Return the dipoles (rows, 3) with momenta h of the wheels (rows, 4)."""
+        values = np.hstack([h, *measured])
+        return rows_of(component, times, elements["m_cmd_body"], fed, values)
+
+    turns = np.arange(len(times)) % len(wheels)
+    flown = [fly(np.tile(h, (len(times), 1))) for h in wheels]
+    in_turn = fly(np.array(wheels)[turns])
+    if in_turn is None or any(rows is None for rows in flown):
+        return None
+    answers = np.stack(flown, axis=1)  # type: ignore[arg-type]
+    before = dict(vars(law.block))
+    head = times[:HEAD], {name: x[:HEAD] for name, x in inputs.items()}
+    of_block = _ask_one_by_one(law, head, momenta)
+    vars(law.block).update(before)
+    if not np.array_equal(answers[:HEAD], of_block):
+        return None
+    if not np.array_equal(in_turn, answers[np.arange(len(times)), turns]):
+        raise UnsuitedError("it is a law with memory")
+    offset = answers[:, -1:]
+    at_units = np.linalg.solve(np.array(momenta[:3]), answers[:, :3] - offset)
+    misses = answers[:, 3] - offset[:, 0] - np.array(momenta[3]) @ at_units
+    if np.abs(misses).max() > AFFINE * np.abs(answers).max():
+        raise UnsuitedError("it is not affine in the momentum")
+    return np.concatenate([at_units + offset, offset], axis=1)
+
+
+def _ask_one_by_one(law: Law, samples: Samples, momenta: Sequence[Vec3]) -> Array:
+    """Return the dipoles (rows, momenta, 3), sample by sample; the last one is ZERO."""
     times, inputs = samples
     state, dump = vars(law.block), law.block.dump
     probed = set(_probed(len(times)))
@@ -202,11 +266,11 @@ def _ask_one_by_one(law: Law, samples: Samples) -> Array:
             _check_sample(law, t)
         before = dict(state)
         found = []
-        for h in UNITS:
+        for h in momenta[:-1]:
             found.append(dump(t, t, h)[1][0])
             state.update(before)
         # the state that this sample leaves, as the field before, is that of the next
-        answers.append([*found, dump(t, t, ZERO)[1][0]])
+        answers.append([*found, dump(t, t, momenta[-1])[1][0]])
     return np.array(answers)
 
 
@@ -224,7 +288,7 @@ def _check_sample(law: Law, t: float) -> None:
     before = dict(state)
     undeclared = [key for key in before if key not in declared]
     answers, memories = [], []
-    for h in (*UNITS, OTHER, ZERO):
+    for h in MOMENTA:
         answers.append(np.array(law.block.dump(t, t, h)[1][0]))
         memories.append([state[key] for key in undeclared])
         state.update(before)
@@ -233,7 +297,7 @@ def _check_sample(law: Law, t: float) -> None:
     *first, other, rest = answers
     gain = (np.array(first) - rest).T
     miss = np.abs(other - gain @ np.array(OTHER) - rest).max()
-    if miss > 1e-9 * np.abs(answers).max():
+    if miss > AFFINE * np.abs(answers).max():
         raise UnsuitedError("it is not affine in the momentum")
 
 

@@ -415,3 +415,55 @@ class FmuInstance:
             if len(calls) == 1
             else lambda: max((call() for call in calls), default=0)
         )
+
+
+def rows_of(
+    component: Component,
+    times: Sequence[float],
+    outputs: Sequence[Signal],
+    inputs: Sequence[Signal] = (),
+    values: Array | None = None,
+) -> Array | None:
+    """Step a component's FMU through successive times (s).
+
+    Returns its Real outputs (times, outputs).
+
+    Without `inputs` the outputs are those at the times. With `inputs`, which have
+    `values` (times, inputs), they are those of the step from each time to the next, and
+    the last step is as long as the one before. None where a call fails.
+    """
+    assert component.fmu is not None
+    clock = Clock(times[0], 0.0)
+    into: dict[Kind, Array] = {"Real": np.zeros(len(outputs))}
+    nothing: dict[Kind, list[Signal]] = {kind: [] for kind in MOVED_KINDS}
+    rows = np.empty((len(times), len(outputs)))
+    instance = FmuInstance(component, component.fmu)
+    try:
+        instance.wire(
+            {**nothing, "Real": list(inputs)},
+            {**nothing, "Real": list(outputs)},
+            into,
+            clock,
+        )
+        instance.enter(times[0], component.parameters)
+        instance.exit()
+        for k, t in enumerate(times):
+            if values is None:
+                clock.dt.value = t - clock.t.value
+                failed = (k > 0 and instance.step() > 1) or instance.pull() > 1
+                clock.t.value = t
+            else:
+                clock.t.value = t
+                if k + 1 < len(times):
+                    clock.dt.value = times[k + 1] - t
+                instance.inputs["Real"][:] = values[k]
+                failed = instance.push() > 1 or instance.step() > 1
+                failed = failed or instance.pull() > 1
+            if failed:
+                return None
+            rows[k] = into["Real"]
+    except ComponentError:
+        return None
+    finally:
+        instance.close()
+    return rows
