@@ -233,11 +233,11 @@ def _ask_native(law: Law, samples: Samples) -> Array | None:
         return rows_of(component, times, elements["m_cmd_body"], fed, values)
 
     turns = np.arange(len(times)) % len(wheels)
-    flown = [fly(np.tile(h, (len(times), 1))) for h in wheels]
+    dipoles = [fly(np.tile(h, (len(times), 1))) for h in wheels]
     in_turn = fly(np.array(wheels)[turns])
-    if in_turn is None or any(rows is None for rows in flown):
+    if in_turn is None or any(rows is None for rows in dipoles):
         return None
-    answers = np.stack(flown, axis=1)  # type: ignore[arg-type]
+    answers = np.stack(dipoles, axis=1)  # type: ignore[arg-type]
     before = dict(vars(law.block))
     head = times[:HEAD], {name: x[:HEAD] for name, x in inputs.items()}
     of_block = _ask_one_by_one(law, head, momenta)
