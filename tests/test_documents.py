@@ -322,7 +322,7 @@ ACCEPTED: dict[str, dict[str, str]] = {
         "0.063 deg": "a second of the orbit's rate",
         "440 MB": BY_HAND,
     },
-    "docs/results.md": {"1 s": LIMIT, "46 MB": BY_HAND},
+    "docs/results.md": {"1 s": LIMIT, "58 MB": BY_HAND},
     "docs/hardware.template": {
         "10 %": TESTED,
         "1 %": LIMIT,

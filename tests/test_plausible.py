@@ -675,3 +675,37 @@ def test_a_target_that_wheels_do_not_hold_is_told(tmp_path, target, wheels, mess
     options = Options(sets=[f"manager.h_target_body={target}"])
     lines = "\n".join(prepare(str(tmp_path / "c"), options).checked.warnings)
     assert (message in lines) if message else ("h_target_body" not in lines)
+
+
+@pytest.mark.parametrize(
+    ("rows", "line"),
+    [
+        (
+            [[0.0, 4e-6, 0.0, 0.0], [0.4, 0.0, 0.0, 0.0], [7000.0, 0.0, 0.0, 0.0]],
+            "a row of 0.4 s is shorter than a step of 1 s, over which it acts by its mean",
+        ),
+        (
+            [[0.0, 4e-6, 0.0, 0.0], [4.0, 0.0, 0.0, 0.0], [7000.0, 0.0, 0.0, 0.0]],
+            "a row of 4 s is shorter than a sample of manager, 10 s: its law cannot follow it",
+        ),
+        ([[0.0, 4e-6, 0.0, 0.0], [600.0, 0.0, 0.0, 0.0], [7e3, 0.0, 0.0, 0.0]], ""),
+        ([[0.0, 4e-6, 0.0, 0.0]], ""),  # a constant torque
+    ],
+)
+def test_a_pulse_of_torque_that_is_too_short_is_named(tmp_path, rows, line):
+    crafted(tmp_path, size="12U")
+    table = (
+        '[components]\ndisturbance = "disturbance_table"\n'
+        f"[parameters.disturbance]\ntorque = {rows}\nrepeated = {str(len(rows) > 1).lower()}\n"
+        'between = "hold"\n'
+    )
+    file = next(tmp_path.rglob("craft.toml"))
+    file.write_text(
+        file.read_text().replace("[components]\n", table.partition("[parameters")[0], 1)
+    )
+    file.write_text(
+        file.read_text() + "\n[parameters" + table.partition("[parameters")[2]
+    )
+    system, _ = prepare(str(file.parent), Options()).or_raise()
+    found = [x for x in plausibility.warnings(system) if "a row of" in x]
+    assert [x.partition(".torque: ")[2] for x in found] == [line] * bool(line)

@@ -56,6 +56,7 @@ def warnings(system: System) -> Iterator[str]:
         yield from _momentum_target(system, wheels)
         yield from _orbit_momentum(system, wheels)
     yield from _coils(system)
+    yield from _short_rows(system)
 
 
 def _place_of(system: System, component: Component, name: str) -> str:
@@ -262,6 +263,28 @@ def _largest_table_torque(system: System) -> float:
     rows = np.reshape(table.values["torque"], (-1, 4))[:, 1:]
     factor = abs(float(table.values.get("factor", 1.0)))
     return float(np.linalg.norm(rows, axis=1).max()) * factor
+
+
+def _short_rows(system: System) -> Iterator[str]:
+    """Check the rows of a table of torques against the step and the manager's sample."""
+    craft = craft_of(system)
+    table, manager = craft.disturbance, craft.manager
+    if table is None or "torque" not in table.values:
+        return
+    lengths = np.diff(np.reshape(table.values["torque"], (-1, 4))[:, 0])
+    used = np.logical_and.accumulate(lengths > 0.0)  # the time grows up to the last row
+    shortest = float(lengths[used].min(initial=inf))
+    step = system.step * table.step_ratio
+    line = (
+        f"{_place_of(system, table, 'torque')}: {table.name}.torque: a row of "
+        f"{shortest:g} s is shorter than"
+    )
+    if shortest < step * (1.0 - 1e-9):
+        yield f"{line} a step of {step:g} s, over which it acts by its mean"
+    elif manager is not None:
+        sample = manager.values.get("sample_time", 0.0)
+        if shortest < sample * (1.0 - 1e-9):
+            yield f"{line} a sample of {manager.name}, {sample:g} s: its law cannot follow it"
 
 
 #: Flights of `_orbit` by what they depend on: one command checks a craft many times.
