@@ -708,4 +708,4 @@ def test_a_pulse_of_torque_that_is_too_short_is_named(tmp_path, rows, line):
     )
     system, _ = prepare(str(file.parent), Options()).or_raise()
     found = [x for x in plausibility.warnings(system) if "a row of" in x]
-    assert [x.partition(".torque: ")[2] for x in found] == [line] * bool(line)
+    assert [x.rpartition(".torque: ")[2] for x in found] == [line] * bool(line)
