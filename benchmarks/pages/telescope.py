@@ -37,7 +37,7 @@ def study(
     `condition_most`, `torque` (1, largest |T_M| times period over |H_D|) and `swing` (1, largest
     |integral of T_M| so far over |H_D|), both in the direction of H_D where that is most, and
     `angle` (deg, largest of T_M to H_D over period and directions); medians over begins."""
-    course, _ = course_of(manifest, results)
+    course, *_ = course_of(manifest, results)
     b = course.field
     skew = np.zeros((len(b), 3, 3))  # [B] v = B x v
     skew[:, 0, 1], skew[:, 0, 2], skew[:, 1, 2] = -b[:, 2], b[:, 1], -b[:, 0]

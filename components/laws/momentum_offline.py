@@ -8,7 +8,9 @@ scipy; no block imports it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import isfinite
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +18,22 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 # Exponent of the wheels' momenta in `cheapest`; high, so that the largest dominate.
 EXPONENT = 8
+AIM = 0.8  # share of a limit within which a first course is sought
+# Weight of the power of all shares in the first descent, relative to the squared dipoles
+# that take the limit of the wheels in a sample, and the number of descents, each with ten
+# times the weight.
+START_WEIGHT, APPROACHES = 1e-4, 14
+EASE = 0.02
+LIGHT = 1e3  # 1/(T2 s2), weight of the momentum in such a descent
 
 
 @dataclass(frozen=True)
 class Course:
     """Predicted course of N samples.
 
-    dt (s), field (N, 3), gravity (N, 3), weighting (N, 3, 3), and the matrices from H
-    to wheel momenta at the samples' ends (N, wheels, 3).
+    dt (s), field (N, 3), gravity (N, 3), weighting (N, 3, 3), the matrices from H to
+    wheel momenta at the samples' ends (N, wheels, 3), and those from a dipole to the
+    coils' (N, coils, 3).
     """
 
     dt: float
@@ -31,6 +41,7 @@ class Course:
     gravity: Array
     weighting: Array
     to_wheels: Array
+    to_coils: Array | None = None
 
     @property
     def effect(self) -> Array:
@@ -95,7 +106,7 @@ def cheapest(
     course: Course,
     momentum_weight: Array,
     peak_weight: float,
-    peak: float,
+    peak: Array | float,
     start: Array,
 ) -> Optimum:
     """Find the course from `start` (N m s) of least cost.
@@ -103,8 +114,8 @@ def cheapest(
         sum m' S^-1 m + H' diag(momentum_weight) H + peak_weight sum_i (h_i / peak)^EXPONENT
 
     over the samples, with m' S^-1 m the squared dipoles of the coils and h (N m s) the
-    wheels' momenta; weights in 1/(T2 s2) and A2 m4, peak in N m s. By Newton's method:
-    each step is a linear-quadratic problem.
+    wheels' momenta; weights in 1/(T2 s2) and A2 m4, peak in N m s, of all samples or of
+    each (N, 1). By Newton's method: each step is a linear-quadratic problem.
 
     Raises
     ------
@@ -144,68 +155,194 @@ def cheapest(
     raise RuntimeError("the cheapest course: Newton's method did not converge")
 
 
+@dataclass(frozen=True)
+class Limits:
+    """Limits of a course: of each wheel at the samples' ends, and of each coil.
+
+    peak (N, 1) N m s; dipole in A m2, inf without a limit.
+    """
+
+    peak: Array
+    dipole: float
+
+    def gaps(self, course: Course, x: Optimum) -> tuple[Array, Array]:
+        """Return limit^2 - value^2 of wheels (N, wheels) and coils (N, coils)."""
+        of_wheels = self.peak * self.peak - wheels(course, x) ** 2
+        if not isfinite(self.dipole):
+            return of_wheels, np.ones((len(of_wheels), 0))
+        return of_wheels, self.dipole**2 - coils(course, x) ** 2
+
+    def hold(self, course: Course, x: Optimum) -> bool:
+        """Return whether a course is within the limits."""
+        return all(gap.min(initial=1.0) > 0.0 for gap in self.gaps(course, x))
+
+
 def least_energy(
-    course: Course, peak: float, start: Array, accuracy: float = 1e-3
+    course: Course,
+    limits: Limits,
+    start: Array,
+    dipoles: Array,
+    accuracy: float = 1e-3,
 ) -> float | None:
     """Compute a lower bound of the coils' energy (A2 m4 s) over a course.
 
     The energy is the integral of the squared dipoles. The course begins at `start` (N m
-    s) and keeps each wheel within +-peak (N m s) at all samples' ends. The bound is
-    within `accuracy` (relative) of the minimum. None where no course within the limits
-    is found.
+    s) and keeps within the limits. The bound is within `accuracy` (relative) of the
+    minimum. None where no course within the limits is found: where the coils reach
+    their limit it is that of the given dipoles (N, 3; A m2), and the limits are wider by
+    `EASE`.
 
-    A convex quadratic programme, by a logarithmic barrier: with 2 n limits and the
-    weight w of the barrier its optimum is at most 2 n w above the minimum.
+    A convex quadratic programme, by a logarithmic barrier: with n two-sided limits and
+    the weight w of the barrier its optimum is at most 2 n w above the minimum.
     """
-    inverse = np.linalg.inv(course.weighting)
-    now = _course_within(course, peak, start)
+    if limits.hold(course, _along(course, start, np.zeros_like(dipoles))):
+        return 0.0
+    now = _course_within(course, limits, start)
     if now is None:
-        return None
-
-    def coils(x: Optimum) -> float:
-        """Sum the squared dipoles of the coils over the samples (A2 m4)."""
-        return float(np.einsum("ki,kij,kj->", x.dipole, inverse, x.dipole))
-
-    def barrier_cost(x: Optimum, w: float) -> float:
-        """Return the coils' sum and the barrier of weight w; inf outside the limits."""
-        gap = peak * peak - wheels(course, x) ** 2
-        return coils(x) - w * float(np.log(gap).sum()) if gap.min() > 0.0 else np.inf
-
-    limits = course.to_wheels.shape[0] * course.to_wheels.shape[1] * 2
-    w = 0.1 * coils(now) / limits
+        limits = Limits((1.0 + EASE) * limits.peak, (1.0 + EASE) * limits.dipole)
+        now = _along(course, start, dipoles)
+        if not limits.hold(course, now):
+            return None
+    count = 2 * sum(gap.size for gap in limits.gaps(course, now))
+    w = 0.1 * _energy(course, now) / count
     while True:
-        for _ in range(30):
-            h = wheels(course, now)
-            gap = peak * peak - h * h
-            slope, bend = (
-                2.0 * w * h / gap,
-                2.0 * w * (peak * peak + h * h) / (gap * gap),
-            )
-            step = _newton(course, slope, bend, h, start, None)
-            value, better = barrier_cost(now, w), now
-            for halvings in range(27):
-                trial = _between(now, step, 0.5**halvings)
-                if barrier_cost(trial, w) <= value:
-                    better = trial
-                    break
-            gained = value - barrier_cost(better, w)
-            now = better
-            if gained <= 0.01 * w * limits:
-                break
-        if w * limits <= accuracy * coils(now):
-            return float(course.dt * (coils(now) - w * limits))
+        now = _descend(course, _Barrier(limits, w), start, now, 0.01 * w * count)
+        energy = _energy(course, now)
+        if w * count <= accuracy * energy:
+            return course.dt * (energy - w * count)
         w *= 0.2
 
 
-def _course_within(course: Course, peak: float, start: Array) -> Optimum | None:
-    """Return a course that keeps the wheels within +-peak (N m s), or None."""
-    weight = 1e3
-    while weight < 1e9:
-        trial = cheapest(course, np.full(3, 1e3), weight, 0.8 * peak, start)
-        if np.abs(wheels(course, trial)).max() < 0.999 * peak:
-            return trial
+class _Penalty(Protocol):
+    """Cost of wheel momenta and dipoles, convex in each of them."""
+
+    @property
+    def limits(self) -> Limits:
+        """Return the limits."""
+
+    @property
+    def weight(self) -> Array | None:
+        """Return the weight (3, 3) 1/(T2 s2) of the momentum; None: without."""
+
+    def total(self, course: Course, x: Optimum) -> float:
+        """Return the cost of a course; inf where it has none."""
+
+    def derivatives(self, values: Array, limit: Array | float) -> tuple[Array, Array]:
+        """Return first and second derivative at values with +-limit."""
+
+
+@dataclass(frozen=True)
+class _Barrier:
+    """Logarithmic barrier of weight w within limits."""
+
+    limits: Limits
+    w: float
+    weight: None = None
+
+    def total(self, course: Course, x: Optimum) -> float:
+        gaps = self.limits.gaps(course, x)
+        if min(gap.min(initial=1.0) for gap in gaps) <= 0.0:
+            return np.inf
+        return -self.w * sum(float(np.log(gap).sum()) for gap in gaps)
+
+    def derivatives(self, values: Array, limit: Array | float) -> tuple[Array, Array]:
+        square, gap = limit * limit, limit * limit - values**2
+        slope = 2.0 * self.w * values / gap
+        return slope, 2.0 * self.w * (square + values**2) / (gap * gap)
+
+
+@dataclass(frozen=True)
+class _Power:
+    """Sum of the wheels' (value / limit)^EXPONENT with a weight, finite everywhere."""
+
+    limits: Limits
+    w: float
+    weight: Array
+
+    def total(self, course: Course, x: Optimum) -> float:
+        h = x.momentum[1:]
+        large = ((wheels(course, x) / self.limits.peak) ** EXPONENT).sum()
+        return float(self.w * large + (h @ self.weight * h).sum())
+
+    def derivatives(self, values: Array, limit: Array | float) -> tuple[Array, Array]:
+        p, share = EXPONENT, values / limit
+        bend = self.w * p * (p - 1) / limit**2 * share ** (p - 2)
+        return self.w * p / limit * share ** (p - 1), bend
+
+
+def _along(course: Course, start: Array, dipoles: Array) -> Optimum:
+    """Return the course of given dipoles (N, 3; A m2)."""
+    moves = course.dt * course.gravity
+    moves = moves + np.einsum("kab,kb->ka", course.effect, dipoles)
+    momentum = np.vstack([start, start + np.cumsum(moves, axis=0)])
+    return Optimum(momentum, dipoles, np.zeros_like(dipoles))
+
+
+def _course_within(course: Course, limits: Limits, start: Array) -> Optimum | None:
+    """Return a course of little energy that keeps within the limits, or None."""
+    now = _along(course, start, np.zeros((len(course.field), 3)))
+    aims = Limits(AIM * limits.peak, np.inf)
+    typical = float(np.mean(limits.peak**2)) / course.dt**2
+    size = float((course.field**2).sum(axis=1).mean())
+    weight = START_WEIGHT * typical / max(size, 1e-300)
+    for _ in range(APPROACHES):
+        penalty = _Power(aims, weight, LIGHT * np.eye(3))
+        now = _descend(course, penalty, start, now, 1e-3 * penalty.total(course, now))
+        if limits.hold(course, now):
+            return now
         weight *= 10.0
     return None
+
+
+def _descend(
+    course: Course, penalty: _Penalty, start: Array, now: Optimum, least: float
+) -> Optimum:
+    """Minimise the energy with a penalty until a step gains at most `least` (A2 m4)."""
+
+    def cost(x: Optimum) -> float:
+        """Return the cost of a course."""
+        return _energy(course, x) + penalty.total(course, x)
+
+    value = cost(now)
+    for _ in range(30):
+        step, better = _step(course, penalty, now, start), now
+        for halvings in range(27):
+            trial = _between(now, step, 0.5**halvings)
+            if cost(trial) <= value:
+                better = trial
+                break
+        gained, now = value - cost(better), better
+        value -= gained
+        if gained <= least:
+            break
+    return now
+
+
+def _energy(course: Course, x: Optimum) -> float:
+    """Sum the squared dipoles of the coils over the samples (A2 m4)."""
+    inverse = np.linalg.inv(course.weighting)
+    return float(np.einsum("ki,kij,kj->", x.dipole, inverse, x.dipole))
+
+
+def _step(course: Course, penalty: _Penalty, x: Optimum, start: Array) -> Optimum:
+    """Minimise the quadratic model of energy and penalty around a course."""
+    limits, h = penalty.limits, wheels(course, x)
+    slope, bend = penalty.derivatives(h, limits.peak)
+    if not isfinite(limits.dipole):
+        return _newton(course, slope, bend, h, start, penalty.weight)
+    assert course.to_coils is not None
+    # with the penalty of the coils the cost of a dipole m is m' R m + 2 r . m
+    m, to = coils(course, x), course.to_coils
+    slope_of_coils, bend_of_coils = penalty.derivatives(m, limits.dipole)
+    cost = np.linalg.inv(course.weighting)
+    cost = cost + 0.5 * np.einsum("kca,kc,kcb->kab", to, bend_of_coils, to)
+    weighting = np.linalg.inv(cost)
+    r = 0.5 * np.einsum("kca,kc->ka", to, slope_of_coils - bend_of_coils * m)
+    shift = np.einsum("kab,kb->ka", weighting, r)
+    drift = np.einsum("kab,kb->ka", course.effect, shift) / course.dt
+    changed = replace(course, weighting=weighting, gravity=course.gravity - drift)
+    found = _newton(changed, slope, bend, h, start, penalty.weight)
+    return replace(found, dipole=found.dipole - shift)
 
 
 def feedback(course: Course, momentum_weight: Array) -> Array:
@@ -242,6 +379,12 @@ def at_rows(values: Array, dt: float, times: Array, period: int = 0) -> Array:
 def wheels(course: Course, x: Optimum) -> Array:
     """Compute the wheels' momenta (N, wheels) N m s at the samples' ends."""
     return np.asarray(np.einsum("kwi,ki->kw", course.to_wheels, x.momentum[1:]))
+
+
+def coils(course: Course, x: Optimum) -> Array:
+    """Compute the coils' dipoles (N, coils) A m2 over the samples."""
+    assert course.to_coils is not None
+    return np.asarray(np.einsum("kca,ka->kc", course.to_coils, x.dipole))
 
 
 def _between(a: Optimum, b: Optimum, share: float) -> Optimum:

@@ -4,9 +4,9 @@ This is `desat bound` for management by coils. The true field and attitude of a 
 with them every external torque except the coils', are taken as given. Over the
 manager's samples it is a convex quadratic programme (`least_energy` of
 `components/laws/momentum_offline.py`). It minimises the integral of the squared coil
-dipoles with each wheel within the largest wheel momentum of the run, and leaves the
-final momentum free. It knows the whole run, and its coils have no limit: no law with
-such samples needs less.
+dipoles with each wheel within the largest wheel momentum of the run from a time on,
+before that within its capacity, and leaves the final momentum free. The coils keep to
+their limit. It knows the whole run: no law with such samples needs less.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from desat.components.laws import momentum_management as laws
 from desat.components.laws import momentum_offline as offline
@@ -24,11 +25,14 @@ from ..numbers.derived import from_body, rotate_back, unit_rows
 from ..numbers.text import Value
 from ..system.errors import DesatError
 from ..system.typed import JsonObject
+from ..system.wheels import smallest_capacity
 from . import with_titles
 from .manifest import Manifest
 
 if TYPE_CHECKING:
     from ..engine.recording.results import Results
+
+Array = NDArray[Any]
 
 SIGNALS = (
     "spacecraft.q_bi",
@@ -41,9 +45,13 @@ SIGNALS = (
 
 
 START = 0.02  # share of a run that counts as its start
+LATE = (
+    0.5  # share of a run after which its momentum counts where the start's is largest
+)
 # share of a run's energy below which the minimum for its initial momentum is
 # meaningless
 WORTH = 0.01
+UNKNOWN = 1e3  # N m s, capacity of wheels that do not state theirs
 
 
 @dataclass(frozen=True)
@@ -51,7 +59,9 @@ class CoilBound:
     """Coil energy of a run, and its lower bound."""
 
     energy: float  # A2 m4 s, integral of the squared dipoles of all coils
-    peak: float  # N m s, the largest momentum of a wheel
+    peak: float  # N m s, the largest momentum of a wheel from `first` on
+    first: float  # s, time from which the momentum counts
+    limit: float | None  # A m2, of the dipole of a coil; None: without
     # A2 m4 s, minimum energy with no larger peak; None: none is found
     least: float | None
     above_percent: float | None  # %, excess of the run over the minimum
@@ -60,7 +70,11 @@ class CoilBound:
         """Return the numbers for a manifest; unknown ones are left out."""
         rows: dict[str, tuple[str, float | None, str]] = {
             "energy": ("Integral of the squared coil dipoles", self.energy, "A2.m4.s"),
-            "peak": ("Largest momentum of a wheel", self.peak, "N.m.s"),
+            "peak": (
+                f"Largest momentum of a wheel from t = {self.first:g} s on",
+                self.peak,
+                "N.m.s",
+            ),
             "least": (
                 "Least coil energy for the same peak momentum",
                 self.least,
@@ -75,36 +89,42 @@ class CoilBound:
         return asdict(self)
 
 
-def of_run(manifest: Manifest, results: Results) -> CoilBound:
-    """Compute the bound of a run.
+def of_run(
+    manifest: Manifest, results: Results, first: float | None = None
+) -> CoilBound:
+    """Compute the bound of a run for its largest wheel momentum from `first` (s) on.
+
+    None: from the start, or over the second half where the largest momentum is that of
+    the start and takes hardly any energy to keep.
 
     Raises
     ------
     DesatError
-        If a series is not recorded, if the largest momentum is that of the start and
-        takes hardly any energy to keep, or if the programme cannot be solved.
+        If a series is not recorded, if `first` is not within the run, or if the
+        programme cannot be solved.
     """
-    course, start = course_of(manifest, results)
-    energy, wheels = (results.values(s) for s in SIGNALS[-2:])
-    fullest = np.abs(wheels).max(axis=1)
-    used, peak = 2.0 * float(energy[-1]), float(fullest.max())
-    try:
-        with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-            least = offline.least_energy(course, peak, start) if peak > 0.0 else None
-    except (ValueError, np.linalg.LinAlgError) as error:
+    known = course_of(manifest, results)
+    energy, momenta = (results.values(s) for s in SIGNALS[-2:])
+    fullest, used = np.abs(momenta).max(axis=1), 2.0 * float(energy[-1])
+    times = results.times()
+    if first is not None and not times[0] <= first < times[-1]:
         raise DesatError(
-            f"{manifest.scenario}: no bound: the programme of the least energy cannot be solved "
-            f"({error})"
-        ) from error
-    at_start = int(fullest.argmax()) < START * len(fullest)
-    if at_start and least is not None and least < WORTH * used:
-        raise DesatError(
-            f"{manifest.scenario}: its largest momentum, {peak:.3g} N m s of a wheel, is that of "
-            f"the start, which {least:.2g} A2 m4 s keep of {used:.3g}: that says nothing of a law "
-            "that lowers it"
+            f"{manifest.scenario}: --from {first:g}: a time from {times[0]:g} s on and before "
+            f"{times[-1]:g} s is needed"
         )
+    begin = float(times[0]) if first is None else first
+    peak = float(fullest[times >= begin].max())
+    least = _least(manifest, *known, peak, begin)
+    at_start = int(fullest.argmax()) < START * len(fullest)
+    if first is None and at_start and least is not None and least < WORTH * used:
+        begin = float(times[int(LATE * len(times))])
+        peak = float(fullest[times >= begin].max())
+        least = _least(manifest, *known, peak, begin)
     above = 100.0 * (used / least - 1.0) if least else None
-    return CoilBound(used, peak, least, above)
+    limit = _limit_of(manifest)
+    return CoilBound(
+        used, peak, begin, limit if np.isfinite(limit) else None, least, above
+    )
 
 
 def curve(
@@ -114,16 +134,64 @@ def curve(
 
     Peaks without a solution are left out.
     """
-    course, start = course_of(manifest, results)
-    energies = ((p, offline.least_energy(course, p, start)) for p in peaks)
+    known = course_of(manifest, results)
+    energies = ((p, _least(manifest, *known, p, manifest.start)) for p in peaks)
     return [(p, least) for p, least in energies if least is not None]
 
 
-def course_of(manifest: Manifest, results: Results) -> tuple[offline.Course, Any]:
-    """Collect the external torques over the manager's samples, and the start momentum.
+def _least(
+    manifest: Manifest,
+    course: offline.Course,
+    start: Array,
+    dipoles: Array,
+    peak: float,
+    first: float,
+) -> float | None:
+    """Compute the least energy for a peak (N m s) from a time (s) on.
 
-    The course is in eci, with the coils that work; the wheel momentum at the start is
-    in N m s.
+    None where there is no momentum, and where no course is found.
+    """
+    if not course.field.any():
+        raise DesatError(
+            f"{manifest.scenario}: no bound: there is no field, so that coils do nothing"
+        )
+    if peak <= 0.0:
+        return None
+    ends = manifest.start + course.dt * np.arange(1, len(course.field) + 1)
+    most = np.where(ends >= first, peak, max(peak, _capacity_of(manifest)))
+    limits = offline.Limits(most[:, None], _limit_of(manifest))
+    try:
+        with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+            return offline.least_energy(course, limits, start, dipoles)
+    except (ValueError, RuntimeError, np.linalg.LinAlgError) as error:
+        raise DesatError(
+            f"{manifest.scenario}: no bound: the programme of the least energy cannot be solved "
+            f"({error})"
+        ) from error
+
+
+def _capacity_of(manifest: Manifest) -> float:
+    """Return the momentum (N m s) that any wheel can take; 1e3 N m s if not known."""
+    capacity = smallest_capacity(manifest.values_of("wheels"))
+    return capacity if 0.0 < capacity < np.inf else UNKNOWN
+
+
+def _limit_of(manifest: Manifest) -> float:
+    """Return the largest dipole (A m2) of a coil that is held; inf without a limit."""
+    torquers = manifest.values_of("torquers")
+    if torquers.get("drive") not in ("limited", "pulsed"):
+        return np.inf
+    share = torquers["duty_max"] if torquers["drive"] == "pulsed" else 1.0
+    return float(np.max(torquers["m_limit"])) * float(share)
+
+
+def course_of(
+    manifest: Manifest, results: Results
+) -> tuple[offline.Course, Array, Array]:
+    """Collect the external torques over the manager's samples, start and dipoles.
+
+    The course is in eci, with the coils that work; the momentum at the start is in N m
+    s, the run's mean dipoles (samples, 3) are in A m2, eci.
 
     Raises
     ------
@@ -138,11 +206,12 @@ def course_of(manifest: Manifest, results: Results) -> tuple[offline.Course, Any
     q, impulse, field, dipole = (results.values(s) for s in SIGNALS[:4])
     parameters = {c: manifest.values_of(c) for c in manifest.parameters}
     step = manifest.step
-    every = round(parameters["manager"]["sample_time"] / step)
+    every = max(1, round(parameters["manager"]["sample_time"] / step))
     count = len(dipole) // every
     middle = unit_rows(q[:-1] + q[1:])[: count * every]
     mean_field = (field[:-1] + field[1:])[: count * every] / 2.0
-    torque = np.cross(rotate_back(middle, dipole[: count * every]), mean_field)
+    dipoles = rotate_back(middle, dipole[: count * every])
+    torque = np.cross(dipoles, mean_field)
     disturbance = np.diff(impulse, axis=0)[: count * every] - step * torque
     attitudes = from_body(unit_rows(q[: count * every + 1 : every])).transpose(0, 2, 1)
     failed = parameters["torquers"]["failed_coil"]
@@ -158,5 +227,6 @@ def course_of(manifest: Manifest, results: Results) -> tuple[offline.Course, Any
         disturbance.reshape(count, every, 3).sum(axis=1) / (step * every),
         np.einsum("kia,ij,kjb->kab", halves, s, halves),
         np.einsum("wi,kia->kwa", inverse, attitudes[1:]),
+        np.einsum("ci,kia->kca", np.linalg.pinv(np.reshape(live, (3, 4))), halves),
     )
-    return course, impulse[0]
+    return course, impulse[0], dipoles.reshape(count, every, 3).mean(axis=1)

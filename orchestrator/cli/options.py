@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -106,22 +107,24 @@ Sources = Annotated[
 ]
 
 
-def _stop(value: str | float) -> str | float:
-    """Parse a stop time: a number of s, or the text of a number of orbits."""
-    from ..system.options import orbits
+def time_or_orbits(name: str) -> Callable[[str | float], str | float]:
+    """Return the parser of an option: a number of s, or the text of a number of orbits."""
 
-    return (
-        value
-        if isinstance(value, str) and orbits(value)
-        else Quantity("--stop", "s")(value)
-    )
+    def parse(value: str | float) -> str | float:
+        """Parse the time."""
+        from ..system.options import orbits
+
+        is_count = isinstance(value, str) and orbits(value)
+        return value if is_count else Quantity(name, "s")(value)
+
+    return parse
 
 
 Stop = Annotated[
     str | None,
     typer.Option(
         "--stop",
-        parser=_stop,
+        parser=time_or_orbits("--stop"),
         metavar="TIME",
         help="Stop time: 6000 (s), 6h, 20d, 2orbits.",
     ),

@@ -8,42 +8,63 @@ from ..analyses import coil_bound, lower_bound
 from ..analyses.coil_bound import CoilBound
 from ..analyses.lower_bound import LowerBound
 from ..analyses.manifest import Manifest
-from ..system.options import Options
+from ..analyses.motion import period_of
+from ..engine.recording.results import Results
+from ..system.errors import DesatError
+from ..system.options import Options, orbits
 from .prepare import prepare
 from .run import load_run, run_or_load
 
+NEEDED = {"environment", "spacecraft", "wheels", "manager", "torquers"}
 
-def bound(target: str) -> tuple[Manifest, LowerBound | CoilBound]:
+
+def bound(
+    target: str, first: float | str | None = None
+) -> tuple[Manifest, LowerBound | CoilBound]:
     """Return the bound of a scenario's run, which is made, or of a run folder.
 
     Of a run that dumps by thrusters it is the firing time; of momentum management by
-    coils the energy for the same peak momentum of a wheel.
+    coils the energy for the same peak momentum of a wheel from `first` (s, or orbits as
+    "2 orbits") on.
 
     Raises
     ------
     DesatError
-        If the run has no such bound.
+        If the run has no such bound, or `first` is given for one of thrusters.
     RunError
         If the run does not complete.
     """
     by_coils = _is_by_coils(target)
+    if first is not None and not by_coils:
+        raise DesatError(
+            f"--from {first}: {target} dumps by thrusters; their firing time counts over "
+            "the whole run"
+        )
     finished = run_or_load(target, None if by_coils else lower_bound)
     with finished.results as results:
-        of_run = coil_bound.of_run if by_coils else lower_bound.of_run
-        return finished.manifest, of_run(finished.manifest, results)
+        manifest = finished.manifest
+        if not by_coils:
+            return manifest, lower_bound.of_run(manifest, results)
+        return manifest, coil_bound.of_run(manifest, results, _seconds(first, results))
+
+
+def _seconds(first: float | str | None, results: Results) -> float | None:
+    """Convert a time in orbits of a run to seconds from the run's start."""
+    if not isinstance(first, str):
+        return first
+    r, v = (results.values(f"environment.{name}")[0] for name in ("r_eci", "v_eci"))
+    return (orbits(first) or 0.0) * period_of(r, v)
 
 
 def _is_by_coils(target: str) -> bool:
-    """Return whether the manager of a scenario, .ssp or run folder knows single coils.
-
-    Then it is a law of momentum management by coils.
-    """
+    """Return whether a scenario, .ssp or run folder manages momentum by coils alone."""
     if any(
         (Path(target) / name).exists()
         for name in ("manifest.json", "manifest.json.part")
     ):
         with (run := load_run(Path(target))).results:
-            return "axes_coil" in run.manifest.values_of("manager")
+            manifest = run.manifest
+            fires = manifest.parts.get(lower_bound.KEY) is not None
+            return not fires and manifest.parameters.keys() >= NEEDED
     system, _ = prepare(target, Options()).or_raise()
-    manager = system.components.get("manager")
-    return manager is not None and "axes_coil" in manager.interface.arrays
+    return lower_bound.applies(system) is None and system.components.keys() >= NEEDED

@@ -22,28 +22,44 @@ def bound(
             autocompletion=o.complete_name,
         ),
     ],
+    first: Annotated[
+        str | None,
+        typer.Option(
+            "--from",
+            metavar="TIME",
+            parser=o.time_or_orbits("--from"),
+            help="By coils: time from which the wheels' largest momentum counts, as --stop. "
+            "Default: the start, or half of the run where the start's momentum is the largest.",
+            show_default=False,
+        ),
+    ] = None,
     as_json: o.Json = False,
 ) -> None:
     """Compute the least effort with which a run could have done.
 
     Of a run that dumps by thrusters it is the firing time; of momentum management by
-    coils the energy for the same peak momentum of a wheel.
+    coils the energy for the same peak momentum of a wheel, with coils that keep to their
+    limit.
     """
     from ...analyses.lower_bound import LowerBound
     from ...runs.bounds import bound as bound_of
 
-    manifest, least = bound_of(target)
+    manifest, least = bound_of(target, first)
     if as_json:
         print_json({"scenario": manifest.scenario, **least.as_json()})
         return
     if isinstance(least, LowerBound) and least.least is None:
         err.print("no momentum left: more than can be dumped in this time")
+    if not isinstance(least, LowerBound) and least.least is None:
+        err.print(
+            "no least energy: no course was found that keeps wheels and coils within their limits"
+        )
     columns = [Column("", kind="text"), Column(""), Column("", kind="unit")]
     rows = []
     if isinstance(least, LowerBound):
         rows.append(("Thruster firing time of the run", f"{least.seconds:.2f}", "s"))
     for n in least.numbers().values():
         assert n.value is not None
-        form = ".4g" if abs(n.value) >= 1e5 else ".2f"
+        form = ".2f" if 0.1 <= abs(n.value) < 1e5 else ".4g"
         rows.append((n.title, format(n.value, form), n.unit))
     print_table(Table("", columns, rows, has_header=False), is_folded=True)
