@@ -412,31 +412,37 @@ def _wheels(
     lag, viscous, coulomb = wheel["motor_lag"], wheel["viscous"], wheel["coulomb"]
     eps, loop = wheel["friction_speed"], wheel["compensation"]
     limit = spin * wheel["speed_limit"]
+
+    def drag(omega: Array) -> Array:
+        return np.asarray(viscous * omega + coulomb * np.tanh(omega / eps))
+
     gained = np.maximum(np.abs(motor), np.abs(command)) * dt / spin
     turning = np.abs(h / spin - rate0) < 8.0 * eps + gained
-    decay = viscous / spin + turning * (coulomb / eps / spin)
-    parts = np.maximum(turning * 2.0 * gained / eps, 10.0 * decay * dt)
-    swing = decay * np.abs(motor - command) * lag / spin * min(lag, dt) > 3e-8
-    n = int(min(max(1, ceil(max(parts.max(), 0.5 * dt / lag * swing.any()))), 64))
+    unknown = np.abs(drag(h / spin - rate0) - learnt) * dt / spin
+    parts = turning * (gained + unknown) / (0.05 * eps)
+    n = int(min(max(1, ceil(parts.max())), 64))
     part, rate, slope = dt / n, rate0, (rate1 - rate0) / dt
-    after, grown = exp(-part / lag), -np.expm1(-loop * part)
+    after = exp(-part / lag)
     total = np.zeros(4)
     for i in range(n):
         rate = rate0 + slope * i * part
         excess = (motor - command) * lag
         pushed = command * part + excess * (1.0 - after)
 
-        def drag(omega: Array) -> Array:
-            return np.asarray(viscous * omega + coulomb * np.tanh(omega / eps))
-
-        start = drag(h / spin - rate)
-        x0 = start - learnt
-        end = drag((h + pushed - x0 * grown / loop) / spin - rate - slope * part)
-        steady = (end - start) / (loop * part)
-        rest = x0 - steady
-        loss = steady * part + rest * grown / loop
-        first = 0.5 * steady * part**2 + rest / loop * (part - grown / loop)
+        omega = h / spin - rate
+        x0 = drag(omega) - learnt
+        own = pushed - spin * slope * part
+        middle = omega + 0.5 * (own - x0 * part / (1.0 + loop * part)) / spin
+        bend = viscous + coulomb / eps * (1.0 - np.tanh(middle / eps) ** 2)
+        a = bend / spin
+        k = a + loop
+        rest = np.exp(-k * part)
+        x = x0 * rest + a * (command - spin * slope) * (1.0 - rest) / k
+        x += a * (motor - command) * (after - rest) / (k - 1.0 / lag)
+        loss = (x0 - x + a * own) / k
         motor_part = 0.5 * command * part**2 + excess * (part - lag * (1.0 - after))
+        first_own = motor_part - 0.5 * spin * slope * part**2
+        first = (x0 * part - loss + a * first_own) / k
         new = h + pushed - loss
         integral = h * part + motor_part - first
         stopped = np.abs(new) > limit
@@ -453,7 +459,7 @@ def _wheels(
         h, motor, learnt = (
             new,
             command + excess / lag * after,
-            end - steady - rest * (1.0 - grown),
+            learnt + loop * loss,
         )
     return h, motor, learnt, total
 
