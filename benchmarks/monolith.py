@@ -396,6 +396,37 @@ def run(
     return {"q": np.array(kept_q), "h": np.array(kept_h), "q_end": q, "h_end": h}
 
 
+def _losses(
+    wheel: dict[str, Any],
+    spin: Array,
+    omega: Array,
+    x0: Array,
+    drives: tuple[Array, Array],
+    pushes: tuple[Array, Array],
+    part: float,
+) -> tuple[Array, Array]:
+    """Momentum lost to friction in a part (s) at speed omega, and its integral.
+
+    x0: friction that is not learnt. drives: torque of the command and the motor's excess
+    at the start; pushes: momentum of both in the part, and its integral.
+    """
+    coulomb, eps, loop = (
+        wheel["coulomb"],
+        wheel["friction_speed"],
+        wheel["compensation"],
+    )
+    lag = wheel["motor_lag"]
+    middle = omega + 0.5 * (pushes[0] - x0 * part / (1.0 + loop * part)) / spin
+    bend = wheel["viscous"] + coulomb / eps * (1.0 - np.tanh(middle / eps) ** 2)
+    a = bend / spin
+    k = a + loop
+    rest = np.exp(-k * part)
+    x = x0 * rest + a * drives[0] * (1.0 - rest) / k
+    x += a * drives[1] * (exp(-part / lag) - rest) / (k - 1.0 / lag)
+    loss = (x0 - x + a * pushes[0]) / k
+    return loss, (x0 * part - loss + a * pushes[1]) / k
+
+
 def _wheels(
     wheel: dict[str, Any],
     spin: Array,
@@ -428,21 +459,17 @@ def _wheels(
         rate = rate0 + slope * i * part
         excess = (motor - command) * lag
         pushed = command * part + excess * (1.0 - after)
-
-        omega = h / spin - rate
-        x0 = drag(omega) - learnt
-        own = pushed - spin * slope * part
-        middle = omega + 0.5 * (own - x0 * part / (1.0 + loop * part)) / spin
-        bend = viscous + coulomb / eps * (1.0 - np.tanh(middle / eps) ** 2)
-        a = bend / spin
-        k = a + loop
-        rest = np.exp(-k * part)
-        x = x0 * rest + a * (command - spin * slope) * (1.0 - rest) / k
-        x += a * (motor - command) * (after - rest) / (k - 1.0 / lag)
-        loss = (x0 - x + a * own) / k
         motor_part = 0.5 * command * part**2 + excess * (part - lag * (1.0 - after))
-        first_own = motor_part - 0.5 * spin * slope * part**2
-        first = (x0 * part - loss + a * first_own) / k
+        by_body = spin * slope
+        loss, first = _losses(
+            wheel,
+            spin,
+            h / spin - rate,
+            drag(h / spin - rate) - learnt,
+            (command - by_body, motor - command),
+            (pushed - by_body * part, motor_part - 0.5 * by_body * part**2),
+            part,
+        )
         new = h + pushed - loss
         integral = h * part + motor_part - first
         stopped = np.abs(new) > limit

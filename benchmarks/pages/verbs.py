@@ -33,10 +33,12 @@ from desat.numbers.text import spell_unit
 from desat.papers import comparison as cells
 from desat.papers import stored, tables
 from desat.runs.prepare import read
-from desat.runs.run import Options, prepare
+from desat.runs.run import Options, prepare, simulate
+from desat.runs.substep_choice import begin_at
 from desat.studies import faults
 from desat.system.errors import DesatError, nearest
 from desat.system.expression import factor, product
+from desat.system.schedule import schedule
 
 from . import figures as several
 from .series import Series
@@ -100,6 +102,35 @@ class Verbs:
         if found.without:
             lines += ["", f"Do not apply: {'; '.join(found.without)}."]
         return "\n".join(lines)
+
+    # --- pairs of scenarios -----------------------------------------------------------
+
+    def handover(
+        self,
+        first: str,
+        second: str,
+        reached: str = "detumbled",
+        goal: str = "three_axis_10deg",
+        samples: int = 40,
+    ) -> str:
+        """Samples flown by one scenario until its number `reached` (min) and from there
+        by another, with attitude, rate and wheels as they are: a sentence on when
+        `goal` (min) of the second is reached after the release. A draft flies two."""
+        count = samples if self._of.draft is None else 2
+        pairs = [
+            pair_of(self._of.name_of(first), self._of.name_of(second), reached, goal, k)
+            for k in range(count)
+        ]
+        there = [pair for pair in pairs if pair is not None]
+        if not there:
+            return f"in none of {count} samples"
+        begins, ends = zip(*there, strict=True)
+        missing = f", {count - len(ends)} do not" if len(ends) < count else ""
+        return (
+            f"{statistics.median(ends):.0f} min after the release (median; worst "
+            f"{max(ends):.0f}; {len(ends)} of {count} samples{missing}), the first law "
+            f"for {statistics.median(begins):.1f} of them"
+        )
 
     # --- values -----------------------------------------------------------------------
 
@@ -557,3 +588,48 @@ FILTERS: dict[str, Callable[..., Any]] = {
     "degrees": math.degrees,
 }
 """Beside those of Jinja2: `{{ value(...)|fixed(2) }}`."""
+
+
+HELD = 60.0  # s for which a rate has to stay small until the next law begins
+LONGEST = 36000.0  # s that the second law may take
+PAIRED_SEED = 911  # of samples that no tuning saw
+
+
+def pair_of(
+    first: str, second: str, reached: str, goal: str, sample: int
+) -> tuple[float, float] | None:
+    """Fly a sample by two scenarios, the second from the state that the first leaves.
+
+    Returns the times (min) from the release to the handover and to the goal; None where
+    one does not get there.
+    """
+    source = read(first)
+    drawn = sampling.draw_of(
+        source.to_draw(False), PAIRED_SEED, sample, "random", sample + 1
+    )
+    run = simulate(prepare(source, Options(values=drawn)))
+    minutes = run.manifest.numbers[reached].value
+    if minutes is None:
+        return None
+    begin = round(60.0 * minutes + HELD)
+    row = int(np.searchsorted(run.results.times(), begin))
+    state = [
+        run.results.values(s)[row]
+        for s in ("spacecraft.q_bi", "spacecraft.omega_bi_body", "wheels.h_wheel")
+    ]
+    there = prepare(second, Options()).or_raise()[0].components
+    values = {
+        name: value
+        for name, value in drawn.items()
+        if not name.startswith(("spacecraft.", "wheels."))
+        and (owner := name.partition(".")[0]) in there
+        and name.partition(".")[2] in there[owner].interface.elements
+    }
+    case = prepare(second, Options(values=values, stop=begin + LONGEST))
+    system, _ = case.or_raise()
+    system = begin_at(system, float(begin), state)
+    order = schedule(system, case.options.breaks_loops)
+    checked = replace(case.checked, system=system, schedule=order)
+    later = simulate(replace(case, checked=checked, manifest=None))
+    after = later.manifest.numbers[goal].value
+    return None if after is None else (begin / 60.0, after)

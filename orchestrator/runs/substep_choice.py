@@ -319,7 +319,7 @@ def _there(
     """Return the system as it begins two steps before a row of a run."""
     k = max(0, row - 2)
     state = [results.values(name)[k] for name in series[:3]]
-    there = _from(system, float(found.times[k]), state)
+    there = begin_at(system, float(found.times[k]), state)
     if steps == CROSSING:  # its error is at its largest there, and then decays
         there = replace(
             there, stop=min(there.stop, there.start + CROSSING * there.step)
@@ -482,7 +482,7 @@ def _beyond(found: Reached, seen: tuple[float, float, float]) -> list[tuple[int,
     return rows
 
 
-def _from(system: System, t: float, state: list[Array]) -> System:
+def begin_at(system: System, t: float, state: list[Array]) -> System:
     """Return a system that begins at t (s) with its body in a given state.
 
     The state is the attitude from eci to body, the rate (rad/s, body) and the wheel
