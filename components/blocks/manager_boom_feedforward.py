@@ -658,15 +658,14 @@ class ManagerBoomFeedforward(Boom):
             )
             k = orbit_momentum.stiffness(self.inertia, n)
             mean = torque.mean
-            still = clip(
-                (
-                    has[0] * mean[0] / k[0] if k[0] > 0.0 else 0.0,
-                    has[1] * mean[1] / k[1] if k[1] > 0.0 else 0.0,
-                    0.0,
-                ),
-                self.lean_total_limit,
+            still = (
+                has[0] * mean[0] / k[0] if k[0] > 0.0 else 0.0,
+                has[1] * mean[1] / k[1] if k[1] > 0.0 else 0.0,
+                0.0,
             )
-            remaining = (mean[0] - k[0] * still[0], mean[1] - k[1] * still[1], mean[2])
+            remaining = orbit_momentum.torque_beyond_lean(
+                mean, k, clip(still, self.lean_total_limit)
+            )
             periodic = orbit_momentum.periodic_momentum(
                 orbit_momentum.OrbitTorque(remaining, torque.cosine, torque.sine),
                 self._phase,

@@ -16,8 +16,9 @@ whose periodic solution, without the part that grows, is
     h_y = (tc_y sin u - ts_y cos u) / n,             q = (tc_z - ts_x) / 2,
     h_z = -t0_x / n - (p cos u - q sin u) / (2 n).
 
-A craft that leans against a constant torque takes K lean of it by gravity, with K_x = 4
-n^2 (J_y - J_z), a quarter of it gyroscopic, and K_y = 3 n^2 (J_x - J_z).
+A craft that leans against a constant torque takes K lean of it by gravity, with K_x = 3
+n^2 (J_y - J_z) and K_y = 3 n^2 (J_x - J_z). As it turns with the orbit, a lean about
+roll takes a third more, K_x lean / 3, by the momentum of the body itself.
 
 Source: ours; least squares: Ljung, System Identification (1999), sec. 11.2.
 """
@@ -124,14 +125,24 @@ def torque_over_orbit(c: Table, constant: Vec3, dipole: Vec3) -> OrbitTorque:
 
 
 def stiffness(inertia: Mat33, n: float) -> Vec3:
-    """Return what gravity and rotation take of a torque per lean (N m/rad): K_x, K_y, 0.
+    """Return the torque of gravity per lean (N m/rad), K; zero about yaw.
 
-    It is zero where the craft is not stable about an axis.
+    It is zero where the craft is not stable about an axis. n: rate of the orbit (rad/s).
     """
+    gravity = 3.0 * n * n
     return (
-        max(4.0 * n * n * (inertia[4] - inertia[8]), 0.0),
-        max(3.0 * n * n * (inertia[0] - inertia[8]), 0.0),
+        max(gravity * (inertia[4] - inertia[8]), 0.0),
+        max(gravity * (inertia[0] - inertia[8]), 0.0),
         0.0,
+    )
+
+
+def torque_beyond_lean(mean: Vec3, k: Vec3, lean: Vec3) -> Vec3:
+    """Return what a lean (rad) leaves of a mean torque (N m), body; k of `stiffness`."""
+    return (
+        mean[0] - 4.0 / 3.0 * k[0] * lean[0],
+        mean[1] - k[1] * lean[1],
+        mean[2],
     )
 
 
