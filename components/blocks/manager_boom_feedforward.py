@@ -260,7 +260,7 @@ class ManagerBoomFeedforward(Boom):
     settling_time: float = Parameter(
         "s",
         "time from the filter's start until its torque decides what is dumped",
-        start=6000.0,
+        start=3000.0,
         min=0.0,
         max=1e7,
     )
@@ -275,7 +275,7 @@ class ManagerBoomFeedforward(Boom):
     dump_threshold: float = Parameter(
         "N.m.s",
         "excess momentum across the field up to which no coil runs; joint estimator",
-        start=0.02,
+        start=0.025,
         min=0.0,
         max=1e3,
     )
