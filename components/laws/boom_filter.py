@@ -276,7 +276,11 @@ def _fill_effects(
         matrix.multiply(crossing(u), inertia), crossing(mat_vec(inertia, u))
     )
     n = interval.orbit_rate
-    impulse = matrix.scale(elapsed, inverted)
+    # a torque that lasts turns with the rate that it gives, on the average half as far
+    impulse = matrix.scale(
+        elapsed,
+        matrix.multiply(matrix.add(IDENTITY, matrix.scale(0.5, a)), inverted),
+    )
     gravity = matrix.scale(3.0 * n * n, matrix.multiply(tilt, crossing(u)))
     of_attitude = matrix.multiply(impulse, gravity)
     of_dipole = matrix.multiply(impulse, crossing(scale(-1.0, interval.field)))
