@@ -374,8 +374,8 @@ class ManagerBoomFeedforward(Boom):
             self._check_joint()
         self._state, self._covariance = boom_filter.begin(ZERO, self._setting)
         self._field, self._field_variance = orbit_momentum.first_field()
-        self._begun = False  # whether the filter has had a measurement
-        self._running = 0.0  # s: how long it has run
+        self._is_filtering = False  # whether the filter has had a measurement
+        self._filter_time = 0.0  # s: how long it has run
         self._phase = 0.0  # rad: place in the orbit, from the first sample
         self._field_before = self._dipole_before = self._firing_before = ZERO
         self._nadir_before = NADIR
@@ -550,7 +550,7 @@ class ManagerBoomFeedforward(Boom):
         else:
             elapsed = t - self._t_before
             self._q, self._state, self._covariance, correction, surprise = (
-                boom_filter.updated(
+                boom_filter.update(
                     self._q,
                     self._state,
                     self._covariance,
@@ -562,11 +562,11 @@ class ManagerBoomFeedforward(Boom):
             )
             self._found = add(self._found, mat_vec(self.inertia, correction))
             self._learn(t)
-            self._running += elapsed
+            self._filter_time += elapsed
             self._surprises = self._surprises + 1 if surprise > SURPRISE else 0
             if self._surprises >= SURPRISES or surprise >= boom_filter.UNSOUND:
                 self.filter_restarts += 1
-                self._begun = False
+                self._is_filtering = False
                 self._resume()
         x = self._state
         self.bias_est_body = boom_filter.bias_of(x)
@@ -578,11 +578,11 @@ class ManagerBoomFeedforward(Boom):
 
     def _resume(self) -> None:
         """Begin at this sample's attitude and rate; what is constant is known on."""
-        if not self._begun:
+        if not self._is_filtering:
             self._state, self._covariance = boom_filter.begin(
                 self.omega_bi_body, self._setting
             )
-            self._begun, self._running, self._surprises = True, 0.0, 0
+            self._is_filtering, self._filter_time, self._surprises = True, 0.0, 0
         else:
             self._state, self._covariance = boom_filter.resume(
                 self._state, self._covariance, self.omega_bi_body, self._setting
@@ -630,13 +630,13 @@ class ManagerBoomFeedforward(Boom):
     def _follow_orbit(self, q: Vec4, elapsed: float) -> None:
         """Learn the field of the orbit; q: attitude relative to it, elapsed in s."""
         self._phase += norm(self.omega_ref_body) * elapsed
-        remembered = orbit_momentum.share_remembered(elapsed, self.field_memory)
+        retention = orbit_momentum.retention_of(elapsed, self.field_memory)
         self._field, self._field_variance = orbit_momentum.learn_field(
             self._field,
             self._field_variance,
             rotate_back(q, self.b_body),
             self._phase,
-            remembered,
+            retention,
         )
 
     def _lean_and_excess(self, h: Vec3) -> Vec3:
@@ -645,40 +645,44 @@ class ManagerBoomFeedforward(Boom):
         h: the wheels' momentum less its target (N m s, body).
         """
         n, has = norm(self.omega_ref_body), self._has
-        still = ZERO
+        equilibrium = ZERO
         periodic = ZERO
-        if self._running >= self.settling_time and n > 0.0:
-            aligned: Vec3 = (0.0, -n, 0.0)
-            fixed = sub(
+        if self._filter_time >= self.settling_time and n > 0.0:
+            aligned_rate: Vec3 = (0.0, -n, 0.0)
+            aligned_torque = sub(
                 laws.gravity_vector_torque(NADIR, self.inertia, n),
-                cross(aligned, mat_vec(self.inertia, aligned)),
+                cross(aligned_rate, mat_vec(self.inertia, aligned_rate)),
             )
             torque = orbit_momentum.torque_over_orbit(
-                self._field, add(self.tau_est_body, fixed), self.dipole_est_body
+                self._field,
+                add(self.tau_est_body, aligned_torque),
+                self.dipole_est_body,
             )
             k = orbit_momentum.stiffness(self.inertia, n)
             mean = torque.mean
-            still = (
+            equilibrium = (
                 has[0] * mean[0] / k[0] if k[0] > 0.0 else 0.0,
                 has[1] * mean[1] / k[1] if k[1] > 0.0 else 0.0,
                 0.0,
             )
-            remaining = orbit_momentum.torque_beyond_lean(
-                mean, k, clip(still, self.lean_total_limit)
+            net_mean = orbit_momentum.compute_net_torque(
+                mean, k, clip(equilibrium, self.lean_total_limit)
             )
             periodic = orbit_momentum.periodic_momentum(
-                orbit_momentum.OrbitTorque(remaining, torque.cosine, torque.sine),
+                orbit_momentum.OrbitTorque(net_mean, torque.cosine, torque.sine),
                 self._phase,
                 n,
             )
         x, y, z = sub(h, periodic) if self.valid_h else ZERO
         self.h_excess_body = (has[0] * x, has[1] * y, has[2] * z)
         x, y, _ = clip(scale(self.gain_lean, self.h_excess_body), self.lean_limit)
-        return clip((still[0] + x, still[1] + y, 0.0), self.lean_total_limit)
+        return clip(
+            (equilibrium[0] + x, equilibrium[1] + y, 0.0), self.lean_total_limit
+        )
 
     def _economical_dipole(self) -> Vec3:
         """Compute the dipole (A m2, body) that dumps the excess where it pays."""
-        if self._running < self.settling_time or not self.enable:
+        if self._filter_time < self.settling_time or not self.enable:
             return ZERO
         return orbit_momentum.dump_dipole(
             self.h_excess_body,
@@ -738,14 +742,14 @@ class ManagerBoomFeedforward(Boom):
         gravity = laws.gravity_vector_torque(
             nadir, self.inertia, norm(self.omega_ref_body)
         )
-        known = add(add(magnetic, gravity), self.tau_est_body)
-        known = add(known, scale(1.0 / self.sample_time, expected))
+        compensation = add(add(magnetic, gravity), self.tau_est_body)
+        compensation = add(compensation, scale(1.0 / self.sample_time, expected))
         if self.valid_h:
             h = body_momentum(self.axes_wheel, self.h_wheel)
-            known = sub(known, cross(omega, h))
+            compensation = sub(compensation, cross(omega, h))
         theta = sub(laws.rotation_vector(q), lean)
         self.mode = FIRING if on > 0.0 else CONTROLLING
-        self.give(m, self._within(sub(self._pd(theta, turning), known)))
+        self.give(m, self._within(sub(self._pd(theta, turning), compensation)))
         self._field_before, self._dipole_before = self.b_body, m
         self._nadir_before, self._firing_before = nadir, expected
 
@@ -756,9 +760,9 @@ class ManagerBoomFeedforward(Boom):
         expected = self._expected(t, on)
         self.mode = FIRING if on > 0.0 else IDLE
         reason = self.reason
-        torque = self._within(
-            sub(self._pd(ZERO, self._rate), scale(1.0 / self.sample_time, expected))
-        )
+        rate = sub(self._rate, self.bias_est_body)
+        feedback = sub(self._pd(ZERO, rate), self.tau_est_body)
+        torque = self._within(sub(feedback, scale(1.0 / self.sample_time, expected)))
         self.reason = reason
         return torque
 

@@ -154,7 +154,7 @@ def dipole_of(x: Table) -> Vec3:
     return (x[12], x[13], x[14])
 
 
-def updated(
+def update(
     q: Vec4,
     x: Table,
     p: Table,

@@ -53,7 +53,7 @@ def first_field() -> tuple[Table, Table]:
 
 
 def learn_field(
-    c: Table, p: Table, b: Vec3, u: float, remembered: float
+    c: Table, p: Table, b: Vec3, u: float, retention: float
 ) -> tuple[Table, Table]:
     """Return coefficients and covariance after one measurement.
 
@@ -66,7 +66,7 @@ def learn_field(
         Measured field (T, axes of the orbit).
     u : float
         Phase in the orbit (rad).
-    remembered : float
+    retention : float
         Share of the information that is still used (1), below 1.
     """
     regressor = (1.0, cos(u), sin(u))
@@ -77,7 +77,7 @@ def learn_field(
     for axis in range(3):
         # each axis has the same covariance, so each begins with that before
         for i in range(TERMS * TERMS):
-            covariance[i] = p[i] / remembered
+            covariance[i] = p[i] / retention
         variance, expected = 1.0, 0.0
         for i in range(TERMS):
             product[i] = (
@@ -96,7 +96,7 @@ def learn_field(
     return tuple(coefficients), tuple(covariance)
 
 
-def share_remembered(elapsed: float, memory: float) -> float:
+def retention_of(elapsed: float, memory: float) -> float:
     """Return the share of information (1) that an elapsed time (s) leaves."""
     return exp(-elapsed / memory)
 
@@ -137,7 +137,7 @@ def stiffness(inertia: Mat33, n: float) -> Vec3:
     )
 
 
-def torque_beyond_lean(mean: Vec3, k: Vec3, lean: Vec3) -> Vec3:
+def compute_net_torque(mean: Vec3, k: Vec3, lean: Vec3) -> Vec3:
     """Return what a lean (rad) leaves of a mean torque (N m), body; k of `stiffness`."""
     return (
         mean[0] - 4.0 / 3.0 * k[0] * lean[0],
@@ -184,13 +184,17 @@ def dump_dipole(
     if size2 == 0.0:
         return (0.0, 0.0, 0.0)
     g = cross(b, excess)
-    free = threshold * reference
+    dead_zone = threshold * reference
     return scale(
         -1.0 / (size2 * time),
-        (_beyond(g[0], free), _beyond(g[1], free), _beyond(g[2], free)),
+        (
+            _apply_dead_zone(g[0], dead_zone),
+            _apply_dead_zone(g[1], dead_zone),
+            _apply_dead_zone(g[2], dead_zone),
+        ),
     )
 
 
-def _beyond(x: float, free: float) -> float:
-    """Return x less a dead zone of +-free."""
-    return max(x - free, 0.0) + min(x + free, 0.0)
+def _apply_dead_zone(x: float, dead_zone: float) -> float:
+    """Return x less a dead zone of +-dead_zone."""
+    return max(x - dead_zone, 0.0) + min(x + dead_zone, 0.0)
