@@ -224,9 +224,9 @@ def test_the_periodic_momentum_solves_the_wheels_equations(mean, even, odd):
         x, y, z = (mean[i] + even[i] * c + odd[i] * s for i in range(3))
         return (x + N * h[2], y, z - N * h[0])
 
-    first = orbit_momentum.periodic_momentum(torque, 0.0, N)
+    first = orbit_momentum.periodic_momentum(torque, 0.0, N, True)
     last = solve_ivp(slope, (0.0, 3000.0), first, rtol=1e-9, atol=1e-12).y[:, -1]
-    expected = orbit_momentum.periodic_momentum(torque, 3000.0 * N, N)
+    expected = orbit_momentum.periodic_momentum(torque, 3000.0 * N, N, True)
     assert last == pytest.approx(expected, abs=1e-6)
 
 

@@ -672,6 +672,7 @@ class ManagerBoomFeedforward(Boom):
                 orbit_momentum.OrbitTorque(net_mean, torque.cosine, torque.sine),
                 self._phase,
                 n,
+                has[0] > 0.0,
             )
         x, y, z = sub(h, periodic) if self.valid_h else ZERO
         self.h_excess_body = (has[0] * x, has[1] * y, has[2] * z)

@@ -146,10 +146,22 @@ def compute_net_torque(mean: Vec3, k: Vec3, lean: Vec3) -> Vec3:
     )
 
 
-def periodic_momentum(torque: OrbitTorque, u: float, n: float) -> Vec3:
-    """Return the periodic momentum (N m s) at the phase u (rad), n in rad/s."""
+def periodic_momentum(
+    torque: OrbitTorque, u: float, n: float, has_roll_wheel: bool
+) -> Vec3:
+    """Return the periodic momentum (N m s) at the phase u (rad), n in rad/s.
+
+    Without a wheel about roll there is no momentum that turns from yaw into roll, and
+    each axis has what its own periodic torque gives.
+    """
     mean, even, odd = torque.mean, torque.cosine, torque.sine
     c, s = cos(u), sin(u)
+    if not has_roll_wheel:
+        return (
+            0.0,
+            (even[1] * s - odd[1] * c) / n,
+            (even[2] * s - odd[2] * c) / n,
+        )
     p = 0.5 * (even[0] + odd[2])
     q = 0.5 * (even[2] - odd[0])
     return (
