@@ -1,19 +1,33 @@
 from __future__ import annotations
 
+from math import sqrt
+
 from ..bases.boom import NOTHING, X_AXIS, Y_AXIS, Z_AXIS, Boom
 from ..contract.block import SMALL_ANGLE, Mat33, Output, Parameter, Table, Vec3, Vec4
-from ..laws import firing
+from ..laws import boom_filter, firing, orbit_momentum
 from ..laws import gravity_gradient as laws
-from ..maths.attitude import IDENTITY_Q, inverse, matrix, product, propagated, rotate
+from ..maths.attitude import (
+    IDENTITY_Q,
+    inverse,
+    matrix,
+    product,
+    propagated,
+    rotate,
+    rotate_back,
+)
 from ..maths.vector import ZERO, add, clip, cross, mat_vec, norm, scale, sub
 from ..physics.gyrostat import check_inertia, inverse_inertia
 from ..physics.wheel_array import body_momentum
 
 WHEELS_Z, WHEELS_YZ, WHEELS_XYZ = range(3)
 IDLE, CONTROLLING, FIRING = range(3)
+SEPARATE_AXES, JOINT = range(2)
 TORQUE_LIMIT = 5
 ENTRIES = 8
 NONE = -1
+SURPRISE = 36.0  # innovation squared over its variance: six standard deviations
+SURPRISES = 5  # so many in a row, and the filter is lost
+NADIR: Vec3 = (0.0, 0.0, 1.0)  # of a craft that is aligned with the orbit, body
 
 
 class ManagerBoomFeedforward(Boom):
@@ -51,6 +65,28 @@ class ManagerBoomFeedforward(Boom):
     J omega since the beginning of a firing are its impulse beyond the expected one.
     They correct F at every sample and, with `learning`, for later firings, in
     proportion to their size, once `learning_time` has passed after its end.
+
+    **Unknown torque.** With `estimator` = joint one filter of 15 states
+    (`components.laws.boom_filter`) also estimates the gyro's bias, a constant torque d
+    and the craft's residual dipole m_r from attitude and rate, and the wheels take what
+    is known of the torque at once,
+
+        N = -J wn^2 (theta - lean) - 2 damping wn J omega_o + omega x h
+            - M x B - F - 3 n^2 u x J u - d - m_r x B.
+
+    The field over an orbit is learnt, which gives the torque t of d and m_r over an orbit
+    and the momentum h_eq that the wheels exchange with it periodically
+    (`components.laws.orbit_momentum`). Only the excess s = h - h_eq is dumped:
+
+        lean_i = clip(t0_i / K_i + clip(gain_lean s_i, lean_limit), lean_total_limit)
+        M_i = -(g_i less +-dump_threshold B_rms) / (|B|^2 dump_time),   g = B x s
+
+    in place of eq. 16 for axes that have wheels. Until the filter has run for
+    `settling_time`, h_eq and t0 count as zero and no momentum is dumped by coils. A
+    constant attitude error is taken for a torque. A filter that is lost starts anew
+    (`filter_restarts`): its innovation is beyond six standard deviations five samples in
+    a row, or its covariance is not that of anything. `attitude_gain`, `h_deadband` and
+    `gain_dump` of axes with wheels have no effect then.
 
     Without a valid field, attitude or rate (see `reason`) the coils are off; the wheels
     hold the rate and still absorb the firing. Without a valid h nothing is dumped and
@@ -157,6 +193,99 @@ class ManagerBoomFeedforward(Boom):
     least_pulse: float = Parameter(
         "s", "length of one pulse", start=0.2, min=1e-6, follows="torquers.least_pulse"
     )
+    estimator: int = Parameter(
+        "1",
+        "how the state is estimated: each axis by itself, or jointly with unknown torque",
+        choices=("separate_axes", "joint"),
+        start="separate_axes",
+        needs=("b_body", "q_ref_bi", "omega_ref_body"),
+    )
+    attitude_noise: float = Parameter(
+        "rad",
+        "deviation of the measured attitude, each axis; joint estimator",
+        start=0.0017453292519943296,
+        min=1e-9,
+        max=0.5,
+        follows="determination.noise",
+    )
+    bias_spread: float = Parameter(
+        "rad/s",
+        "deviation of the gyro's bias at the start, each axis; joint estimator",
+        start=2e-4,
+        min=0.0,
+        max=0.1,
+    )
+    bias_walk: float = Parameter(
+        "rad/s",
+        "random walk of the gyro's bias: deviation of its change in 1 s, each axis",
+        start=1e-9,
+        min=0.0,
+        max=1e-3,
+    )
+    disturbance_spread: float = Parameter(
+        "N.m",
+        "deviation of the constant torque at the start, each axis; joint estimator",
+        start=1e-5,
+        min=0.0,
+        max=1.0,
+    )
+    disturbance_walk: float = Parameter(
+        "N.m",
+        "random walk of the constant torque: deviation of its change in 1 s, each axis",
+        start=2e-10,
+        min=0.0,
+        max=1e-3,
+    )
+    dipole_spread: float = Parameter(
+        "A.m2",
+        "deviation of the residual dipole at the start, each axis; joint estimator",
+        start=1.0,
+        min=0.0,
+        max=1e3,
+    )
+    dipole_walk: float = Parameter(
+        "A.m2",
+        "random walk of the residual dipole: deviation of its change in 1 s, each axis",
+        start=1e-5,
+        min=0.0,
+        max=1.0,
+    )
+    field_memory: float = Parameter(
+        "s",
+        "time constant with which the field of an orbit is forgotten; joint estimator",
+        start=9000.0,
+        min=1.0,
+        max=1e7,
+    )
+    settling_time: float = Parameter(
+        "s",
+        "time from the filter's start until its torque decides what is dumped",
+        start=3000.0,
+        min=0.0,
+        max=1e7,
+    )
+    lean_total_limit: float = Parameter(
+        "rad",
+        "largest lean of each axis with that against the mean torque; joint estimator",
+        start=5.4e-3,
+        min=0.0,
+        max=0.5,
+        usual=SMALL_ANGLE,
+    )
+    dump_threshold: float = Parameter(
+        "N.m.s",
+        "excess momentum across the field up to which no coil runs; joint estimator",
+        start=0.025,
+        min=0.0,
+        max=1e3,
+    )
+    dump_time: float = Parameter(
+        "s",
+        "time constant of the dumping beyond it; joint estimator",
+        start=300.0,
+        min=1.0,
+        max=1e6,
+    )
     mode: int = Output(
         "1",
         "what the manager does",
@@ -184,6 +313,23 @@ class ManagerBoomFeedforward(Boom):
     omega_est_body: Vec3 = Output(
         "rad/s", "the rate that the law takes, body", interval=True
     )
+    bias_est_body: Vec3 = Output(
+        "rad/s", "estimated bias of the gyro, body; joint estimator", interval=True
+    )
+    tau_est_body: Vec3 = Output(
+        "N.m", "estimated constant torque, body; joint estimator", interval=True
+    )
+    dipole_est_body: Vec3 = Output(
+        "A.m2", "estimated residual dipole, body; joint estimator", interval=True
+    )
+    h_excess_body: Vec3 = Output(
+        "N.m.s",
+        "wheels' momentum that does not return to zero by itself, body; joint estimator",
+        interval=True,
+    )
+    filter_restarts: int = Output(
+        "1", "how often the joint filter was lost and started anew", interval=True
+    )
 
     def start(self) -> None:
         super().start()
@@ -208,6 +354,65 @@ class ManagerBoomFeedforward(Boom):
         self._coil = ZERO
         self.tau_firing_body = self.omega_est_body = ZERO
         self.mode = IDLE
+        self._start_joint()
+
+    def _start_joint(self) -> None:
+        """Set the joint estimator to its start, and check its parameters."""
+        self._setting = boom_filter.Setting(
+            self.attitude_noise,
+            self.gyro_noise,
+            boom_filter.Deviations(
+                self.bias_spread, self.disturbance_spread, self.dipole_spread
+            ),
+            boom_filter.Deviations(
+                self.bias_walk, self.disturbance_walk, self.dipole_walk
+            ),
+            self.inertia,
+            self._inverse,
+        )
+        if self.estimator == JOINT:
+            self._check_joint()
+        self._state, self._covariance = boom_filter.begin(ZERO, self._setting)
+        self._field, self._field_variance = orbit_momentum.first_field()
+        self._is_filtering = False  # whether the filter has had a measurement
+        self._filter_time = 0.0  # s: how long it has run
+        self._phase = 0.0  # rad: place in the orbit, from the first sample
+        self._field_before = self._dipole_before = self._firing_before = ZERO
+        self._nadir_before = NADIR
+        self._surprises = self.filter_restarts = 0
+        self.bias_est_body = self.tau_est_body = self.dipole_est_body = ZERO
+        self.h_excess_body = ZERO
+
+    def _check_joint(self) -> None:
+        """Refuse parameters of the joint estimator that make no sense together."""
+        if self.lean_total_limit < self.lean_limit:
+            self.fail(
+                f"lean_total_limit = {self.lean_total_limit:g} rad is below lean_limit = "
+                f"{self.lean_limit:g} rad, which is a part of it"
+            )
+        least = min(self.torque_noise[0], self.torque_noise[1], self.torque_noise[2])
+        if least <= 0.0:
+            self.fail(
+                "estimator = joint: torque_noise must be above 0 about each axis, else "
+                "the filter no longer follows the rate"
+            )
+        for spread, walk, name in (
+            (self.bias_spread, self.bias_walk, "bias"),
+            (self.disturbance_spread, self.disturbance_walk, "disturbance"),
+            (self.dipole_spread, self.dipole_walk, "dipole"),
+        ):
+            if spread <= 0.0:
+                self.fail(f"estimator = joint: {name}_spread = 0: it must be above 0")
+            if walk > spread:
+                self.fail(
+                    f"{name}_walk = {walk:g} is above {name}_spread = {spread:g}: it "
+                    "would be forgotten within a second"
+                )
+        if self.field_memory < 10.0 * self.sample_time:
+            self.fail(
+                f"field_memory = {self.field_memory:g} s is below ten samples of "
+                f"{self.sample_time:g} s, from which no orbit is learnt"
+            )
 
     def _check_schedule(self) -> None:
         """Refuse firings that do not begin at a sample or that overlap."""
@@ -305,16 +510,7 @@ class ManagerBoomFeedforward(Boom):
                 self._inverse,
                 elapsed,
             )
-            unknown = 0.0
-            if self._firing != NONE:
-                i = self._firing
-                on = firing.overlap(
-                    self.schedule_start[i],
-                    self.schedule_duration[i],
-                    self._t_before,
-                    elapsed,
-                )
-                unknown = self.firing_uncertainty * on * norm(self.tau_firing_body)
+            unknown = self._unknown_impulse(elapsed)
             x, y, z = sub(self.omega_bi_body, predicted)
             a = self._corrected(0, x, unknown, elapsed)
             b = self._corrected(1, y, unknown, elapsed)
@@ -346,9 +542,163 @@ class ManagerBoomFeedforward(Boom):
         gain = firing.kalman_gain(variance, self.gyro_noise)
         return gain * innovation, (1.0 - gain) * variance
 
+    def _estimate_jointly(self, t: float) -> Vec3:
+        """Estimate the rate (rad/s, body) by the joint filter; also update `_q`."""
+        h = body_momentum(self.axes_wheel, self.h_wheel)
+        if self._omega is None or not self.valid_h:
+            self._resume()
+        else:
+            elapsed = t - self._t_before
+            self._q, self._state, self._covariance, correction, surprise = (
+                boom_filter.update(
+                    self._q,
+                    self._state,
+                    self._covariance,
+                    self._interval(h, elapsed),
+                    self.q_bi,
+                    self.omega_bi_body,
+                    self._setting,
+                )
+            )
+            self._found = add(self._found, mat_vec(self.inertia, correction))
+            self._learn(t)
+            self._filter_time += elapsed
+            self._surprises = self._surprises + 1 if surprise > SURPRISE else 0
+            if self._surprises >= SURPRISES or surprise >= boom_filter.UNSOUND:
+                self.filter_restarts += 1
+                self._is_filtering = False
+                self._resume()
+        x = self._state
+        self.bias_est_body = boom_filter.bias_of(x)
+        self.tau_est_body = boom_filter.torque_of(x)
+        self.dipole_est_body = boom_filter.dipole_of(x)
+        self._omega = self.omega_est_body = boom_filter.rate_of(x)
+        self._h_before, self._t_before = h, t
+        return self.omega_est_body
+
+    def _resume(self) -> None:
+        """Begin at this sample's attitude and rate; what is constant is known on."""
+        if not self._is_filtering:
+            self._state, self._covariance = boom_filter.begin(
+                self.omega_bi_body, self._setting
+            )
+            self._is_filtering, self._filter_time, self._surprises = True, 0.0, 0
+        else:
+            self._state, self._covariance = boom_filter.resume(
+                self._state, self._covariance, self.omega_bi_body, self._setting
+            )
+        self._q = self.q_bi
+
+    def _interval(self, h: Vec3, elapsed: float) -> boom_filter.Interval:
+        """Return the conditions since the last sample, elapsed (s) ago.
+
+        h: the wheels' momentum (N m s, body).
+        """
+        unknown = self._unknown_impulse(elapsed)
+        x, y, z = scale(elapsed, self.torque_noise)
+        return boom_filter.Interval(
+            elapsed,
+            self._dipole_before,
+            scale(0.5, add(self._field_before, self.b_body)),
+            self._nadir_before,
+            norm(self.omega_ref_body),
+            self._h_before,
+            h,
+            self._firing_before,
+            (
+                sqrt(x * x + unknown * unknown),
+                sqrt(y * y + unknown * unknown),
+                sqrt(z * z + unknown * unknown),
+            ),
+        )
+
+    def _unknown_impulse(self, elapsed: float) -> float:
+        """Return the deviation of a firing's impulse (N m s) since the last sample."""
+        if self._firing == NONE:
+            return 0.0
+        i = self._firing
+        on = firing.overlap(
+            self.schedule_start[i],
+            self.schedule_duration[i],
+            self._t_before,
+            elapsed,
+        )
+        return self.firing_uncertainty * on * norm(self.tau_firing_body)
+
+    # --- what the orbit gives back ----------------------------------------------------
+
+    def _follow_orbit(self, q: Vec4, elapsed: float) -> None:
+        """Learn the field of the orbit; q: attitude relative to it, elapsed in s."""
+        self._phase += norm(self.omega_ref_body) * elapsed
+        retention = orbit_momentum.retention_of(elapsed, self.field_memory)
+        self._field, self._field_variance = orbit_momentum.learn_field(
+            self._field,
+            self._field_variance,
+            rotate_back(q, self.b_body),
+            self._phase,
+            retention,
+        )
+
+    def _lean_and_excess(self, h: Vec3) -> Vec3:
+        """Return the lean (rad) of each axis; also set `h_excess_body`.
+
+        h: the wheels' momentum less its target (N m s, body).
+        """
+        n, has = norm(self.omega_ref_body), self._has
+        equilibrium = ZERO
+        periodic = ZERO
+        if self._filter_time >= self.settling_time and n > 0.0:
+            aligned_rate: Vec3 = (0.0, -n, 0.0)
+            aligned_torque = sub(
+                laws.gravity_vector_torque(NADIR, self.inertia, n),
+                cross(aligned_rate, mat_vec(self.inertia, aligned_rate)),
+            )
+            torque = orbit_momentum.torque_over_orbit(
+                self._field,
+                add(self.tau_est_body, aligned_torque),
+                self.dipole_est_body,
+            )
+            k = orbit_momentum.stiffness(self.inertia, n)
+            mean = torque.mean
+            equilibrium = (
+                has[0] * mean[0] / k[0] if k[0] > 0.0 else 0.0,
+                has[1] * mean[1] / k[1] if k[1] > 0.0 else 0.0,
+                0.0,
+            )
+            net_mean = orbit_momentum.compute_net_torque(
+                mean, k, clip(equilibrium, self.lean_total_limit)
+            )
+            periodic = orbit_momentum.periodic_momentum(
+                orbit_momentum.OrbitTorque(net_mean, torque.cosine, torque.sine),
+                self._phase,
+                n,
+                has[0] > 0.0,
+            )
+        x, y, z = sub(h, periodic) if self.valid_h else ZERO
+        self.h_excess_body = (has[0] * x, has[1] * y, has[2] * z)
+        x, y, _ = clip(scale(self.gain_lean, self.h_excess_body), self.lean_limit)
+        return clip(
+            (equilibrium[0] + x, equilibrium[1] + y, 0.0), self.lean_total_limit
+        )
+
+    def _economical_dipole(self) -> Vec3:
+        """Compute the dipole (A m2, body) that dumps the excess where it pays."""
+        if self._filter_time < self.settling_time or not self.enable:
+            return ZERO
+        return orbit_momentum.dump_dipole(
+            self.h_excess_body,
+            self.b_body,
+            self.dump_threshold,
+            orbit_momentum.field_size(self._field),
+            self.dump_time,
+        )
+
     # --- control ----------------------------------------------------------------------
 
     def act(self, t: float) -> None:
+        if self.estimator == JOINT:
+            self._act_jointly(t)
+            return
         on = self._begin(t)
         omega = self._estimate(t)
         expected = self._expected(t, on)
@@ -375,6 +725,35 @@ class ManagerBoomFeedforward(Boom):
         )
         self._impulse = add(scale(self.sample_time, add(coil, gravity)), expected)
 
+    def _act_jointly(self, t: float) -> None:
+        """Command wheels and coils with what the joint filter knows."""
+        on = self._begin(t)
+        elapsed = t - self._t_before
+        omega = self._estimate_jointly(t)
+        expected = self._expected(t, on)
+        q = product(self._q, inverse(self.q_ref_bi))
+        c = matrix(q)
+        nadir: Vec3 = (c[2], c[5], c[8])
+        turning = sub(omega, rotate(q, self.omega_ref_body))
+        self._follow_orbit(q, elapsed)
+        lean = self._lean_and_excess(self.momentum())
+        x, y, z = add(self._dipole(nadir, turning, ZERO), self._economical_dipole())
+        m: Vec3 = (self._pulsed(x), self._pulsed(y), self._pulsed(z))
+        magnetic = cross(add(m, self.dipole_est_body), self.b_body)
+        gravity = laws.gravity_vector_torque(
+            nadir, self.inertia, norm(self.omega_ref_body)
+        )
+        compensation = add(add(magnetic, gravity), self.tau_est_body)
+        compensation = add(compensation, scale(1.0 / self.sample_time, expected))
+        if self.valid_h:
+            h = body_momentum(self.axes_wheel, self.h_wheel)
+            compensation = sub(compensation, cross(omega, h))
+        theta = sub(laws.rotation_vector(q), lean)
+        self.mode = FIRING if on > 0.0 else CONTROLLING
+        self.give(m, self._within(sub(self._pd(theta, turning), compensation)))
+        self._field_before, self._dipole_before = self.b_body, m
+        self._nadir_before, self._firing_before = nadir, expected
+
     def hold(self, t: float) -> Vec3:
         self._omega = None
         self._taught = self._firing  # its impulse is not completely observed
@@ -382,9 +761,9 @@ class ManagerBoomFeedforward(Boom):
         expected = self._expected(t, on)
         self.mode = FIRING if on > 0.0 else IDLE
         reason = self.reason
-        torque = self._within(
-            sub(self._pd(ZERO, self._rate), scale(1.0 / self.sample_time, expected))
-        )
+        rate = sub(self._rate, self.bias_est_body)
+        feedback = sub(self._pd(ZERO, rate), self.tau_est_body)
+        torque = self._within(sub(feedback, scale(1.0 / self.sample_time, expected)))
         self.reason = reason
         return torque
 

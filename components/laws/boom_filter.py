@@ -1,0 +1,349 @@
+"""Estimate attitude, rate, gyro bias and unknown torques by one extended Kalman filter.
+
+The state x (15) is the attitude error theta (rad), the rate omega (rad/s), the gyro's
+bias b (rad/s), a constant torque d (N m) and the craft's residual dipole m_r (A m2), all
+body. Between samples, with h (N m s) the wheels' momentum, m (A m2) the coils' dipole, B
+(T) the field, u the direction of nadir and n (rad/s) the orbit's rate,
+
+    theta' = delta omega - omega x theta,
+    J omega' + h' = (m + m_r) x B + 3 n^2 u x J u + d + firing - omega x (J omega + h).
+
+The attitude q has the mean of theta in it: after each correction theta is moved into q
+and begins anew at zero. Linear about the estimate, with [a] the matrix of a x,
+
+    J delta omega' = ([J omega + h] - [omega] J) delta omega
+                     + 3 n^2 ([u] J - [J u]) [u] theta + delta d - [B] delta m_r.
+
+The attitude measures theta and the gyro omega + b, six numbers one after the other. b, d
+and m_r are random walks. A constant attitude error acts on gravity's torque like a
+constant d, so the two cannot be told apart.
+
+Source: ours; the attitude error as in Lefferts, Markley & Shuster, Kalman filtering for
+spacecraft attitude estimation, J. Guidance, Control, and Dynamics 5 (1982) 417.
+"""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import NamedTuple
+
+from ..contract.block import Mat33, Table, Vec3, Vec4
+from ..maths import kalman, matrix
+from ..maths.attitude import inverse, product, propagated
+from ..maths.vector import IDENTITY, ZERO, add, cross, mat_vec, scale
+from . import firing
+from .craft_filter import UNSOUND, surprise
+from .gravity_gradient import gravity_vector_torque, rotation_vector
+from .rate_filter import crossing
+
+# where each part of the state begins
+RATE = 3
+BIAS = 6
+TORQUE = 9
+DIPOLE = 12
+STATES = 15
+MOVING = BIAS  # attitude error and rate; the others are constant between samples
+
+
+class Deviations(NamedTuple):
+    """Standard deviations of each axis: at the start, or of a walk in a root second."""
+
+    bias: float  # rad/s
+    torque: float  # N m
+    dipole: float  # A m2
+
+
+class Setting(NamedTuple):
+    """Constants of the filter."""
+
+    attitude_noise: float  # rad, of the measured attitude, each axis
+    gyro_noise: float  # rad/s, of the measured rate, each axis
+    spread: Deviations  # at the start
+    walk: Deviations  # over a root second
+    inertia: Mat33  # kg m2, wheels locked
+    inverse: Mat33  # 1/(kg m2)
+
+
+class Interval(NamedTuple):
+    """Conditions from the last sample to this one."""
+
+    elapsed: float  # s
+    dipole: Vec3  # A m2, mean of the coils, body
+    field: Vec3  # T, mean, body
+    nadir: Vec3  # 1, direction of nadir at the last sample, body
+    orbit_rate: float  # rad/s
+    h_before: Vec3  # N m s, the wheels' momentum at the last sample, body
+    h: Vec3  # N m s, that at this sample, body
+    firing: Vec3  # N m s, expected impulse of a firing, body
+    uncertainty: Vec3  # N m s, standard deviation of the unknown impulse, body
+
+
+def begin(omega: Vec3, setting: Setting) -> tuple[Table, Table]:
+    """Return the first state (15) and covariance (15 x 15, row-major).
+
+    The attitude estimate begins with the measured one, and omega (rad/s, body) is the
+    measured rate.
+    """
+    x = [0.0] * STATES
+    p = [0.0] * (STATES * STATES)
+    spread = setting.spread
+    for i in range(3):
+        p[(STATES + 1) * (BIAS + i)] = spread.bias * spread.bias
+        p[(STATES + 1) * (TORQUE + i)] = spread.torque * spread.torque
+        p[(STATES + 1) * (DIPOLE + i)] = spread.dipole * spread.dipole
+    return resume(tuple(x), tuple(p), omega, setting)
+
+
+def resume(x: Table, p: Table, omega: Vec3, setting: Setting) -> tuple[Table, Table]:
+    """Begin attitude and rate anew by a measurement, with the constants as they are.
+
+    Parameters
+    ----------
+    x, p : Table
+        State (15) and covariance (15 x 15, row-major) before a gap in the measurements.
+    omega : Vec3
+        Measured rate (rad/s, body), which has the gyro's bias in it.
+    setting : Setting
+        Of the filter.
+
+    Returns
+    -------
+    tuple
+        State and covariance at this sample.
+    """
+    state = [0.0] * STATES
+    covariance = [0.0] * (STATES * STATES)
+    for i in range(BIAS, STATES):
+        state[i] = x[i]
+        for j in range(BIAS, STATES):
+            covariance[STATES * i + j] = p[STATES * i + j]
+    attitude, gyro = setting.attitude_noise, setting.gyro_noise
+    for i in range(3):
+        state[RATE + i] = omega[i] - x[BIAS + i]
+        covariance[(STATES + 1) * i] = attitude * attitude
+        # the error of omega is the gyro's noise less the error of the bias
+        for j in range(BIAS, STATES):
+            of_bias = -p[STATES * (BIAS + i) + j]
+            covariance[STATES * (RATE + i) + j] = of_bias
+            covariance[STATES * j + RATE + i] = of_bias
+        for j in range(3):
+            covariance[STATES * (RATE + i) + RATE + j] = p[
+                STATES * (BIAS + i) + BIAS + j
+            ]
+        covariance[(STATES + 1) * (RATE + i)] += gyro * gyro
+    return tuple(state), tuple(covariance)
+
+
+def rate_of(x: Table) -> Vec3:
+    """Return omega (rad/s, body)."""
+    return (x[3], x[4], x[5])
+
+
+def bias_of(x: Table) -> Vec3:
+    """Return the gyro's bias b (rad/s, body)."""
+    return (x[6], x[7], x[8])
+
+
+def torque_of(x: Table) -> Vec3:
+    """Return the constant torque d (N m, body)."""
+    return (x[9], x[10], x[11])
+
+
+def dipole_of(x: Table) -> Vec3:
+    """Return the residual dipole m_r (A m2, body)."""
+    return (x[12], x[13], x[14])
+
+
+def update(
+    q: Vec4,
+    x: Table,
+    p: Table,
+    interval: Interval,
+    q_measured: Vec4,
+    gyro: Vec3,
+    setting: Setting,
+) -> tuple[Vec4, Table, Table, Vec3, float]:
+    """Propagate to this sample and correct by its attitude and rate.
+
+    Parameters
+    ----------
+    q : Vec4
+        Attitude estimate at the last sample, inertial to body, scalar last.
+    x, p : Table
+        State (15) and covariance (15 x 15, row-major) at the last sample.
+    interval : Interval
+        Conditions since then.
+    q_measured : Vec4
+        Measured attitude, as q.
+    gyro : Vec3
+        Measured rate (rad/s, body).
+    setting : Setting
+        Of the filter.
+
+    Returns
+    -------
+    tuple
+        Attitude, state, covariance; the correction of omega (rad/s, body); and the
+        largest square of an innovation over its variance (1), `UNSOUND` where the
+        covariance cannot be that of anything.
+    """
+    state = [0.0] * STATES
+    covariance = [0.0] * (STATES * STATES)
+    for i in range(STATES):
+        state[i] = x[i]
+    for i in range(STATES * STATES):
+        covariance[i] = p[i]
+    omega = _predict(state, covariance, x, interval, setting)
+    mean = scale(0.5, add(rate_of(x), omega))
+    predicted = propagated(q, mean, interval.elapsed)
+    error = rotation_vector(product(q_measured, inverse(predicted)))
+    worst = _correct(state, covariance, error, gyro, setting)
+    attitude = propagated(predicted, (state[0], state[1], state[2]), 1.0)
+    correction = ZERO
+    if _is_sound(state, covariance):
+        correction = (
+            state[RATE] - omega[0],
+            state[RATE + 1] - omega[1],
+            state[RATE + 2] - omega[2],
+        )
+    else:
+        worst = UNSOUND
+    for i in range(3):
+        state[i] = 0.0
+    return attitude, tuple(state), tuple(covariance), correction, worst
+
+
+def _predict(
+    state: list[float],
+    covariance: list[float],
+    x: Table,
+    interval: Interval,
+    setting: Setting,
+) -> Vec3:
+    """Propagate the state, whose copy x is, and its covariance in place.
+
+    Returns the rate (rad/s, body) at this sample.
+    """
+    elapsed, b = interval.elapsed, interval.field
+    magnetic = cross(add(interval.dipole, dipole_of(x)), b)
+    gravity = gravity_vector_torque(
+        interval.nadir, setting.inertia, interval.orbit_rate
+    )
+    steady = add(add(magnetic, gravity), torque_of(x))
+    omega = firing.predicted_rate(
+        rate_of(x),
+        interval.h_before,
+        interval.h,
+        add(scale(elapsed, steady), interval.firing),
+        setting.inertia,
+        setting.inverse,
+        elapsed,
+    )
+    effects = [0.0] * (MOVING * STATES)
+    _fill_effects(effects, rate_of(x), interval, setting)
+    kalman.predict(covariance, effects, MOVING, STATES)
+    for i in range(3):
+        state[RATE + i] = omega[i]
+    _add_noise(covariance, interval, setting)
+    return omega
+
+
+def _add_noise(covariance: list[float], interval: Interval, setting: Setting) -> None:
+    """Add the unknown impulse and the walks of the constants to the covariance."""
+    walk, unknown = setting.walk, interval.uncertainty
+    for i in range(3):
+        rate = unknown[i] * setting.inverse[4 * i]
+        covariance[(STATES + 1) * (RATE + i)] += rate * rate
+        elapsed = interval.elapsed
+        covariance[(STATES + 1) * (BIAS + i)] += walk.bias * walk.bias * elapsed
+        covariance[(STATES + 1) * (TORQUE + i)] += walk.torque * walk.torque * elapsed
+        covariance[(STATES + 1) * (DIPOLE + i)] += walk.dipole * walk.dipole * elapsed
+
+
+def _fill_effects(
+    effects: list[float], omega: Vec3, interval: Interval, setting: Setting
+) -> None:
+    """Set the first six rows of the transition matrix."""
+    elapsed, inverted = interval.elapsed, setting.inverse
+    inertia, u = setting.inertia, interval.nadir
+    momentum = add(mat_vec(inertia, omega), interval.h_before)
+    turning = crossing(omega)
+    slope = matrix.subtract(crossing(momentum), matrix.multiply(turning, inertia))
+    a = matrix.scale(elapsed, matrix.multiply(inverted, slope))
+    half = matrix.scale(0.5, matrix.multiply(a, a))
+    of_rate = matrix.add(matrix.add(IDENTITY, a), half)
+    tilt = matrix.subtract(
+        matrix.multiply(crossing(u), inertia), crossing(mat_vec(inertia, u))
+    )
+    n = interval.orbit_rate
+    # a torque that lasts turns with the rate that it gives, on the average half as far
+    impulse = matrix.scale(
+        elapsed,
+        matrix.multiply(matrix.add(IDENTITY, matrix.scale(0.5, a)), inverted),
+    )
+    gravity = matrix.scale(3.0 * n * n, matrix.multiply(tilt, crossing(u)))
+    of_attitude = matrix.multiply(impulse, gravity)
+    of_dipole = matrix.multiply(impulse, crossing(scale(-1.0, interval.field)))
+    _fill_rows(effects, 0, of_attitude, elapsed)
+    _fill_rows(effects, RATE, of_rate, elapsed)
+    _fill_rows(effects, TORQUE, impulse, elapsed)
+    _fill_rows(effects, DIPOLE, of_dipole, elapsed)
+    across = matrix.subtract(IDENTITY, matrix.scale(elapsed, turning))
+    for i in range(3):
+        effects[(STATES + 1) * i + RATE] += 0.5 * elapsed
+        for j in range(3):
+            effects[STATES * i + j] += across[3 * i + j]
+
+
+def _fill_rows(
+    effects: list[float], state: int, of_rate: Mat33, elapsed: float
+) -> None:
+    """Set the columns of three states, from what they do to the rate.
+
+    The attitude follows the mean of the rate before and after.
+    """
+    for i in range(3):
+        for j in range(3):
+            effects[STATES * (RATE + i) + state + j] = of_rate[3 * i + j]
+            effects[STATES * i + state + j] = 0.5 * elapsed * of_rate[3 * i + j]
+
+
+def _correct(
+    state: list[float],
+    covariance: list[float],
+    error: Vec3,
+    gyro: Vec3,
+    setting: Setting,
+) -> float:
+    """Correct in place by the measured attitude error (rad) and rate (rad/s), body.
+
+    The result is the largest square of an innovation over its variance (1).
+    """
+    of_attitude = setting.attitude_noise * setting.attitude_noise
+    of_gyro = setting.gyro_noise * setting.gyro_noise
+    column = [0.0] * STATES
+    worst = 0.0
+    for axis in range(6):
+        for i in range(STATES):
+            column[i] = covariance[STATES * i + axis]
+        if axis < RATE:
+            innovation = error[axis] - state[axis]
+            variance = column[axis] + of_attitude
+        else:
+            bias = axis - RATE + BIAS
+            for i in range(STATES):
+                column[i] += covariance[STATES * i + bias]
+            innovation = gyro[axis - RATE] - state[axis] - state[bias]
+            variance = column[axis] + column[bias] + of_gyro
+        worst = max(worst, surprise(innovation, variance))
+        kalman.correct_first(state, covariance, column, innovation, variance, STATES)
+    return worst
+
+
+def _is_sound(state: list[float], covariance: list[float]) -> bool:
+    """Return whether all is finite and no variance is negative."""
+    for i in range(STATES):
+        variance = covariance[(STATES + 1) * i]
+        if not (variance >= 0.0 and isfinite(variance) and isfinite(state[i])):
+            return False
+    return True
