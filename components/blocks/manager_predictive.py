@@ -35,6 +35,10 @@ LONGEST_INTERVAL = 0.05  # of a plan, in orbits
 STIFFNESS = 1.0
 PEAK = 0.1
 PEAK_SCALE = 0.85
+# Goal hold: wheels count as empty below this share of their capacity (1), and the weight
+# of momentum falls there, but not below LEAST_SHARE squared of the whole weight.
+EMPTY_FILL = 0.05
+LEAST_SHARE = 1e-2
 LEAST_EIGENVALUE = 1e-3  # of the coils' price, relative to its mean
 LEAST_ENERGY = 0.05  # relative price of a dipole of a coil that gives none
 COIL_PRICE = 2e-3  # goal empty: price of a full dipole or a second, squared and halved
@@ -74,7 +78,15 @@ class ManagerPredictive(MomentumDumping, EarthField):
     really give and h_i the momentum of wheel i. q = w_m n^2 / b^2 with n the orbit rate
     and b^2 half the mean of sum |a_j x B|^2. h_s is 0.85 times the largest wheel
     momentum of the last orbit and of the plan without this term. w_m and w_e are the
-    first two of the `weights`, the same for every craft. With `goal` empty the cost is
+    first two of the `weights`, the same for every craft. Where the capacity `h_limit`
+    of a wheel is known, w_m is multiplied by
+
+        min(1, h_p / (0.05 h_limit))^2
+
+    with h_p the largest wheel momentum of the last orbit. The law removes momentum at
+    about the rate sqrt(w_m) n, n by default. This is the rate for a wheel that is
+    filled to 5 %. With less in the wheels they take longer to fill, and the rate falls
+    in proportion, so that no energy is spent to keep empty wheels emptier. With `goal` empty the cost is
     the thrusters' time, weighted by the third, and X is to be zero at `end`; thrusters
     are used for this goal only. Between plans a coil follows the plan's costate with
     the measured field.
@@ -149,6 +161,12 @@ class ManagerPredictive(MomentumDumping, EarthField):
         min=0.0,
         needs=("b_body", "r_eci", "v_eci", "h_wheel", "m_cmd_body"),
         follows="torquers.m_limit",
+    )
+    h_limit: float = Parameter(
+        "N.m.s",
+        "momentum capacity of a wheel; 0: not known, all momentum counts in full",
+        min=0.0,
+        follows="wheels.inertia_wheel * wheels.speed_limit",
     )
     dead_coil: int = Parameter(
         "1",
@@ -348,6 +366,16 @@ class ManagerPredictive(MomentumDumping, EarthField):
         for x in self._bins:
             peak = max(peak, x)
         return peak
+
+    def _momentum_share(self) -> float:
+        """Return the share (1) of the rate n at which momentum is removed.
+
+        It is the peak of the last orbit over EMPTY_FILL of the capacity, and at most 1.
+        """
+        empty = EMPTY_FILL * self.h_limit
+        if empty <= 0.0:
+            return 1.0
+        return min(max(self._peak() / empty, LEAST_SHARE), 1.0)
 
     def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
         nothing = ZERO, (ZERO, ZERO)
@@ -798,7 +826,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         """Plan a course of low momentum from X = x0 (N m s, eci) on."""
         n, _ = self._motion()
         _, _, limits = self._axes()
-        stiff = STIFFNESS * n
+        stiff = STIFFNESS * n * self._momentum_share()
         momentum = self.weights[0] * stiff * stiff / max(strength, 1e-30)
         problem = predictive.PathProblem(
             count,
