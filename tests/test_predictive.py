@@ -109,7 +109,7 @@ def test_emptying_takes_hardly_more_than_the_linear_programme(seed: int) -> None
         2e-3,
         (limit,) * 3,
         (1.0,) * N,
-        tuple(most[:, 3].tolist()),
+        tuple(most[:, 3:].ravel().tolist()),
         10.0 / (tau * tau * 0.05),
         2e-5,
         12.5,

@@ -7,7 +7,7 @@ from ..bases.dumping import DUMPING, FALLBACK, IDLE, MomentumDumping
 from ..bases.earth_field import EarthField
 from ..contract.block import Mat33, Mat34, Output, Parameter, Table, Vec3, Vec4
 from ..contract.fitting import Law, Need
-from ..laws import cross_product, predictive, receding_horizon
+from ..laws import cross_product, predictive, receding_horizon, thrust_limit
 from ..laws import disturbance_learning as learning
 from ..laws.blending import Split
 from ..laws.integrated import null_torque, null_vector
@@ -43,9 +43,9 @@ LEAST_EIGENVALUE = 1e-3  # of the coils' price, relative to its mean
 LEAST_ENERGY = 0.05  # relative price of a dipole of a coil that gives none
 COIL_PRICE = 2e-3  # goal empty: price of a full dipole or a second, squared and halved
 PATIENCE = 1e-3  # goal empty: relative discount of a last second against a first
-# Goal empty: fraction of the thrusters' time that plans leave free except in their
-# first interval, so that thrusters may turn out weaker by that.
-RESERVE = 0.35
+# Error of the thrusters' directions (rad), by attitude and mounting.
+MISALIGNMENT = 0.1
+NO_FIRING: Table = (0.0,) * (predictive.THRUSTERS * predictive.INTERVALS)
 TORQUE_SPREAD = 0.5  # prior deviation of constant torques, relative to n^2 J
 DIPOLE_SPREAD = 0.1  # prior deviation of the craft's own dipole, relative to m_limit
 # Least torque that is not modelled, relative to n^2 J and to the torques that are known,
@@ -250,6 +250,11 @@ class ManagerPredictive(MomentumDumping, EarthField):
     thruster_effectiveness: Vec3 = Output(
         "1", "the same of the thrusters about each axis", interval=True
     )
+    thruster_limit: Vec3 = Output(
+        "1",
+        "share of tau_level that thrusters are seen to reach about each axis",
+        interval=True,
+    )
     gravity_scale: float = Output(
         "1", "s, gravity gradient as it is seen over what the law knows", interval=True
     )
@@ -277,6 +282,10 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._b_eci = self._gravity = self._dipole_planned = ZERO
         self._coils: Vec4 = (0.0, 0.0, 0.0, 0.0)
         self._thrust = ZERO
+        self.thruster_limit = (1.0, 1.0, 1.0)
+        spread = learning.SPREAD_ACTUATOR
+        self._limit_deviation: Vec3 = (spread, spread, spread)
+        self._limit_bound = ZERO
         self._q: Vec4 = (0.0, 0.0, 0.0, 1.0)
         self._r = self._v = ZERO
         self._fields = self._models = 0.0
@@ -425,7 +434,8 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._coils = to_wheels(self._to_coils, m)
         dipole = self._effective_dipole(self._coils)
         x, y, z = self.thruster_effectiveness
-        absorbed = (x * n_t[0], y * n_t[1], z * n_t[2])
+        n_x, n_y, n_z = self._reached()
+        absorbed = (x * n_x, y * n_y, z * n_z)
         return add(cross(dipole, mean), absorbed), (m, n_t)
 
     def _period(self) -> float:
@@ -521,7 +531,11 @@ class ManagerPredictive(MomentumDumping, EarthField):
             self._x = (*h, *self._x[3:])
             self._p = learning.forgotten(self._p, noise)
         else:
-            causes = self._causes(passed, q, rotate_back(q, self.b_body))
+            b = rotate_back(q, self.b_body)
+            causes = self._causes(passed, q, b)
+            if norm(self._thrust) > 0.0:
+                self._limit_thrust(passed, q, h, causes, noise)
+                causes = self._causes(passed, q, b)
             self._learn(passed, h, causes, noise, gravity_torque)
         self._known = t
         x = self._seen = learning.judge(self._x, self._p)
@@ -562,6 +576,45 @@ class ManagerPredictive(MomentumDumping, EarthField):
             DRIFT * sqrt(passed / orbit),
             failed,
         )
+
+    def _reached(self) -> Vec3:
+        """Return the commanded thrust within what the thrusters reach (N m, body)."""
+        thrust = [0.0, 0.0, 0.0]
+        for j in range(3):
+            most = self.thruster_limit[j] * self.tau_level[j]
+            thrust[j] = min(max(self._thrust[j], -most), most)
+        return (thrust[0], thrust[1], thrust[2])
+
+    def _limit_thrust(
+        self, passed: float, q: Vec4, h: Vec3, causes: Table, noise: float
+    ) -> None:
+        """Learn the largest torque about each axis from the firings of the last sample.
+
+        Arguments as of `_learn`; q is the attitude now.
+        """
+        found = rotate(q, learning.innovation(self._x, h, causes))
+        expected, fired = self._reached(), self._thrust
+        limits, deviations, bounds = [0.0] * 3, [0.0] * 3, [0.0] * 3
+        for j in range(3):
+            limits[j], deviations[j] = self.thruster_limit[j], self._limit_deviation[j]
+            bounds[j] = self._limit_bound[j]
+            if fired[j] == 0.0:
+                continue
+            i, level = learning.THRUSTERS + j, self.tau_level[j]
+            axis = rotate_back(q, AXES[j])
+            spread = learning.deviation_along(self._p, causes, axis, i, noise) / passed
+            across = MISALIGNMENT * (norm(fired) - abs(fired[j]))
+            error = sqrt(spread * spread + across * across) / level
+            command = abs(fired[j]) / level
+            torque = self._x[i] * expected[j] + found[j] / passed
+            share = copysign(1.0, fired[j]) * torque / level
+            limits[j], deviations[j] = thrust_limit.correct(
+                limits[j], deviations[j], command, share, error
+            )
+            bounds[j] = thrust_limit.raise_bound(bounds[j], command, share, error)
+        self.thruster_limit = (limits[0], limits[1], limits[2])
+        self._limit_deviation = (deviations[0], deviations[1], deviations[2])
+        self._limit_bound = (bounds[0], bounds[1], bounds[2])
 
     def _momentum_noise(self, inertia: float, total: float) -> float:
         """Return the standard deviation of the measured momentum H (N m s).
@@ -610,7 +663,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
                         half * torque,
                         add(rotate_back(self._q, axis), rotate_back(q, axis)),
                     )
-                    for axis, torque in zip(AXES, self._thrust, strict=True)
+                    for axis, torque in zip(AXES, self._reached(), strict=True)
                 ),
                 *(scale(half, _weighted(c0, then, c1, now, axis)) for axis in AXES),
                 *(scale(half, _weighted(s0, then, s1, now, axis)) for axis in AXES),
@@ -864,16 +917,13 @@ class ManagerPredictive(MomentumDumping, EarthField):
         x0 in N m s, eci.
         """
         fee = [0.0] * predictive.INTERVALS
-        most = [0.0] * predictive.INTERVALS
         _, _, limits = self._axes()
-        fires = self.tau_level[0] + self.tau_level[1] + self.tau_level[2] > 0.0
         rest, reach, begin = x0, 0.0, 0.0
         for k in range(count):
             reach += dt[k]
             rest = add(rest, drift[k])
         for k in range(count):
             fee[k] = self.weights[2] * (1.0 - PATIENCE * begin / reach)
-            most[k] = (1.0 - RESERVE if k > 0 else 1.0) * dt[k] if fires else 0.0
             begin += dt[k]
         level = max(self.tau_level[0], self.tau_level[1], self.tau_level[2], 1e-9)
         least = level * self.least_pulse
@@ -886,7 +936,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
             COIL_PRICE,
             limits,
             tuple(fee),
-            tuple(most),
+            self._longest_firings(count, dt),
             weight,
             near,
             stride,
@@ -904,7 +954,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
                 COIL_PRICE,
                 limits,
                 tuple(fee),
-                (0.0,) * predictive.INTERVALS,
+                NO_FIRING,
                 weight,
                 near,
                 stride,
@@ -914,6 +964,23 @@ class ManagerPredictive(MomentumDumping, EarthField):
         for j in range(3):
             m = add(m, scale(u[j], commands[j]))
         self._dipole_planned, self._thrust = m, thrust
+
+    def _longest_firings(self, count: int, dt: Table) -> Table:
+        """Return the longest on-times (s) of a plan to empty, THRUSTERS an interval.
+
+        The first interval may take what the thrusters are seen to reach, a later one
+        what is certain, so that a weaker thruster still has the time that it needs.
+        """
+        most = [0.0] * (predictive.THRUSTERS * predictive.INTERVALS)
+        for j in range(predictive.THRUSTERS):
+            limit = self.thruster_limit[j] if self.tau_level[j] > 0.0 else 0.0
+            certain = thrust_limit.dependable(
+                limit, self._limit_deviation[j], self._limit_bound[j]
+            )
+            for k in range(count):
+                share = certain if k > 0 else limit
+                most[predictive.THRUSTERS * k + j] = share * dt[k]
+        return tuple(most)
 
     def _bias(self, q: Vec4, turn: Vec3, size2: float, turning: bool) -> Vec3:
         """Return the momentum (N m s, eci) that is not to be dumped.

@@ -261,6 +261,27 @@ def innovation(x: Table, measured: Vec3, effects: Table) -> Vec3:
     return (found[0], found[1], found[2])
 
 
+def deviation_along(
+    p: Table, effects: Table, axis: Vec3, excluded: int, noise: float
+) -> float:
+    """Return the standard deviation (N m s) of the innovation along an axis (eci).
+
+    The parameter with the index `excluded` in x counts as known. p is the covariance
+    (row-major) at the sample's begin, the other arguments are those of `update`.
+    """
+    along = [0.0] * STATES
+    for row in range(MOMENTUM_STATES):
+        along[row] = axis[row]
+        for i in range(CAUSES):
+            along[MOMENTUM_STATES + i] += axis[row] * effects[CAUSES * row + i]
+    along[excluded] = 0.0
+    total = noise * noise
+    for i in range(STATES):
+        for j in range(STATES):
+            total += along[i] * p[STATES * i + j] * along[j]
+    return sqrt(max(total, 0.0))
+
+
 def gather(
     evidence: Table,
     p: Table,
