@@ -527,16 +527,14 @@ class ManagerPredictive(MomentumDumping, EarthField):
             self._x = learning.first_state(h)
         passed = t - self._known
         if self._known < 0.0 or passed > 10.0 * self.sample_time or not self.valid_b:
-            # restart H; keep the learnt parameters
-            self._x = (*h, *self._x[3:])
-            self._p = learning.forgotten(self._p, noise)
+            self._restart(h, noise)
         else:
             b = rotate_back(q, self.b_body)
             causes = self._causes(passed, q, b)
-            if norm(self._thrust) > 0.0:
-                self._limit_thrust(passed, q, h, causes, noise)
-                causes = self._causes(passed, q, b)
-            self._learn(passed, h, causes, noise, gravity_torque)
+            if self._limit_thrust(passed, q, h, causes, noise):
+                self._restart(h, noise)
+            else:
+                self._learn(passed, h, causes, noise, gravity_torque)
         self._known = t
         x = self._seen = learning.judge(self._x, self._p)
         self.gravity_scale = x[learning.GRAVITY]
@@ -544,6 +542,11 @@ class ManagerPredictive(MomentumDumping, EarthField):
         e = learning.COILS
         self.effectiveness = (x[e], x[e + 1], x[e + 2], x[e + 3])
         self.thruster_effectiveness = learning.vector(x, learning.THRUSTERS)
+
+    def _restart(self, h: Vec3, noise: float) -> None:
+        """Restart the filter's momentum at h (N m s, eci); keep the parameters."""
+        self._x = (*h, *self._x[3:])
+        self._p = learning.forgotten(self._p, noise)
 
     def _learn(
         self, passed: float, h: Vec3, causes: Table, noise: float, gravity_torque: float
@@ -587,14 +590,16 @@ class ManagerPredictive(MomentumDumping, EarthField):
 
     def _limit_thrust(
         self, passed: float, q: Vec4, h: Vec3, causes: Table, noise: float
-    ) -> None:
+    ) -> bool:
         """Learn the largest torque about each axis from the firings of the last sample.
 
+        Returns whether one of them tested it, so that the sample teaches nothing else.
         Arguments as of `_learn`; q is the attitude now.
         """
         found = rotate(q, learning.innovation(self._x, h, causes))
         expected, fired = self._reached(), self._thrust
         limits, deviations, bounds = [0.0] * 3, [0.0] * 3, [0.0] * 3
+        has_test = False
         for j in range(3):
             limits[j], deviations[j] = self.thruster_limit[j], self._limit_deviation[j]
             bounds[j] = self._limit_bound[j]
@@ -608,13 +613,19 @@ class ManagerPredictive(MomentumDumping, EarthField):
             command = abs(fired[j]) / level
             torque = self._x[i] * expected[j] + found[j] / passed
             share = copysign(1.0, fired[j]) * torque / level
-            limits[j], deviations[j] = thrust_limit.correct(
-                limits[j], deviations[j], command, share, error
+            tested = thrust_limit.is_tested(
+                limits[j], deviations[j], bounds[j], command, error
             )
+            if tested and thrust_limit.is_cut(command, share, error):
+                limits[j], deviations[j] = thrust_limit.correct(
+                    limits[j], deviations[j], share, error
+                )
+            has_test = has_test or tested
             bounds[j] = thrust_limit.raise_bound(bounds[j], command, share, error)
         self.thruster_limit = (limits[0], limits[1], limits[2])
         self._limit_deviation = (deviations[0], deviations[1], deviations[2])
         self._limit_bound = (bounds[0], bounds[1], bounds[2])
+        return has_test
 
     def _momentum_noise(self, inertia: float, total: float) -> float:
         """Return the standard deviation of the measured momentum H (N m s).

@@ -6,7 +6,8 @@ is missing until its firing takes the whole sample:
 
     mean torque over a sample = min(|command|, r level)
 
-Therefore small pulses say nothing about r. The estimate of r begins with the prior of a
+Therefore small pulses say nothing about r, and a firing that tests r says nothing for
+certain about coils and disturbances. The estimate of r begins with the prior of a
 filter (`SPREAD_ACTUATOR`), is corrected by a firing that is cut short, as a Kalman
 filter does with one state, and is bounded from below by each firing that is not. The
 share that a plan may depend on is the estimate less one standard deviation, or what a
@@ -31,18 +32,26 @@ def is_cut(command: float, torque: float, error: float) -> bool:
     return torque < command - SIGNIFICANT * error
 
 
-def correct(
-    limit: float, deviation: float, command: float, torque: float, error: float
-) -> tuple[float, float]:
-    """Return r and its standard deviation after a sample; arguments as `is_cut`.
+def is_tested(
+    limit: float, deviation: float, bound: float, command: float, error: float
+) -> bool:
+    """Return whether a command is beyond what the thrusters should give for certain.
 
-    A command that the thrusters should have given by the estimate does not change it:
-    there the effectiveness has changed, which is a matter of another filter.
+    limit is r, `deviation` its standard deviation, `bound` of `raise_bound`; `command`
+    and `error` as of `is_cut`.
     """
-    is_known = deviation < 0.5 * SPREAD_ACTUATOR
-    first = limit + SIGNIFICANT * deviation if is_known else limit - deviation
-    if command <= first or not is_cut(command, torque, error):
-        return limit, deviation
+    if deviation < 0.5 * SPREAD_ACTUATOR:
+        return command > limit + SIGNIFICANT * deviation
+    return command > max(limit - deviation, bound + SIGNIFICANT * error)
+
+
+def correct(
+    limit: float, deviation: float, torque: float, error: float
+) -> tuple[float, float]:
+    """Return r and its standard deviation after a firing that is cut.
+
+    `torque` and `error` as of `is_cut`.
+    """
     variance = deviation * deviation
     gain = variance / (variance + error * error)
     corrected = limit + gain * (torque - limit)
