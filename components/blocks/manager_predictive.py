@@ -557,8 +557,11 @@ class ManagerPredictive(MomentumDumping, EarthField):
         """
         _, orbit = self._motion()
         found = learning.innovation(self._x, h, causes)
+        rounding = self._rounding()
+        # a coil is not lost where the thrusters' rounding explains what is found
+        excess = max(1.0 - rounding / max(norm(found), 1e-30), 0.0)
         self._evidence = learning.gather(
-            self._evidence, self._p, found, causes, passed, orbit
+            self._evidence, self._p, scale(excess, found), causes, passed, orbit
         )
         failed = learning.find_failure(self._evidence)
         if failed >= 0:
@@ -568,17 +571,30 @@ class ManagerPredictive(MomentumDumping, EarthField):
             VARIES * learning.known_torque(self._x),
             learning.unmodelled_torque(self._evidence),
         )
+        walk = unmodelled * sqrt(orbit * passed / 3.0)
         self._x, self._p = learning.update(
             self._x,
             self._p,
             h,
             causes,
             noise,
-            unmodelled * sqrt(orbit * passed / 3.0),
+            sqrt(walk * walk + rounding * rounding / 3.0),
             self._deviations,
             DRIFT * sqrt(passed / orbit),
             failed,
         )
+
+    def _rounding(self) -> float:
+        """Return the largest error of the last firing by its rounding (N m s).
+
+        Thrusters round on-times to whole pulses, as the law does. Where they are weaker
+        than known, their on-times are longer and the roundings differ.
+        """
+        x, y, z = (
+            level if torque != 0.0 else 0.0
+            for level, torque in zip(self.tau_level, self._thrust, strict=True)
+        )
+        return 0.5 * self.least_pulse * norm((x, y, z))
 
     def _reached(self) -> Vec3:
         """Return the commanded thrust within what the thrusters reach (N m, body)."""
