@@ -571,6 +571,10 @@ class ManagerPredictive(MomentumDumping, EarthField):
             VARIES * learning.known_torque(self._x),
             learning.unmodelled_torque(self._evidence),
         )
+        # commands, and so their roundings, last as long as innovations are averaged
+        rounded = (
+            rounding / passed * sqrt(2.0 / 3.0 * learning.SMOOTHED * orbit * passed)
+        )
         walk = unmodelled * sqrt(orbit * passed / 3.0)
         self._x, self._p = learning.update(
             self._x,
@@ -578,7 +582,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
             h,
             causes,
             noise,
-            sqrt(walk * walk + rounding * rounding / 3.0),
+            sqrt(walk * walk + rounded * rounded),
             self._deviations,
             DRIFT * sqrt(passed / orbit),
             failed,
