@@ -166,7 +166,9 @@ def test_filter_finds_a_dead_and_a_turned_coil() -> None:
         ]
         seen = tuple(y + draw.gauss(0.0, 1e-3) for y in h)
         rows = learning.causes(tuple(columns))
-        x, p = learning.update(x, p, seen, rows, 1e-3, 1e-4, spreads, 1e-3, -1)  # type: ignore[arg-type]
+        x, p = learning.update(
+            x, p, seen, rows, 1e-3, 1e-4, ((0.0,) * 3,) * 3, spreads, 1e-3, -1
+        )  # type: ignore[arg-type]
     assert x[13:17] == pytest.approx((0.0, 1.0, -1.0, 0.7), abs=0.05)
     assert x[4] == pytest.approx(2e-4, abs=3e-5)
     matrix = np.array(p).reshape(learning.STATES, learning.STATES)

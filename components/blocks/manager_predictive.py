@@ -557,11 +557,19 @@ class ManagerPredictive(MomentumDumping, EarthField):
         """
         _, orbit = self._motion()
         found = learning.innovation(self._x, h, causes)
-        rounding = self._rounding()
         # a coil is not lost where the thrusters' rounding explains what is found
-        excess = max(1.0 - rounding / max(norm(found), 1e-30), 0.0)
+        axes = (
+            rotate_back(self._q, AXES[0]),
+            rotate_back(self._q, AXES[1]),
+            rotate_back(self._q, AXES[2]),
+        )
+        rounding = self._rounding()
+        unexplained = found
+        for j in range(3):
+            along = min(max(dot(found, axes[j]), -rounding[j]), rounding[j])
+            unexplained = sub(unexplained, scale(along, axes[j]))
         self._evidence = learning.gather(
-            self._evidence, self._p, scale(excess, found), causes, passed, orbit
+            self._evidence, self._p, unexplained, causes, passed, orbit
         )
         failed = learning.find_failure(self._evidence)
         if failed >= 0:
@@ -572,33 +580,35 @@ class ManagerPredictive(MomentumDumping, EarthField):
             learning.unmodelled_torque(self._evidence),
         )
         # commands, and so their roundings, last as long as innovations are averaged
-        rounded = (
-            rounding / passed * sqrt(2.0 / 3.0 * learning.SMOOTHED * orbit * passed)
-        )
-        walk = unmodelled * sqrt(orbit * passed / 3.0)
+        lasting = sqrt(2.0 / 3.0 * learning.SMOOTHED * orbit / passed)
         self._x, self._p = learning.update(
             self._x,
             self._p,
             h,
             causes,
             noise,
-            sqrt(walk * walk + rounded * rounded),
+            unmodelled * sqrt(orbit * passed / 3.0),
+            (
+                scale(lasting * rounding[0], axes[0]),
+                scale(lasting * rounding[1], axes[1]),
+                scale(lasting * rounding[2], axes[2]),
+            ),
             self._deviations,
             DRIFT * sqrt(passed / orbit),
             failed,
         )
 
-    def _rounding(self) -> float:
-        """Return the largest error of the last firing by its rounding (N m s).
+    def _rounding(self) -> Vec3:
+        """Return the largest errors of the last firing by its rounding (N m s, body).
 
         Thrusters round on-times to whole pulses, as the law does. Where they are weaker
         than known, their on-times are longer and the roundings differ.
         """
-        x, y, z = (
-            level if torque != 0.0 else 0.0
-            for level, torque in zip(self.tau_level, self._thrust, strict=True)
-        )
-        return 0.5 * self.least_pulse * norm((x, y, z))
+        error = [0.0, 0.0, 0.0]
+        for j in range(3):
+            if self._thrust[j] != 0.0:
+                error[j] = 0.5 * self.least_pulse * self.tau_level[j]
+        return (error[0], error[1], error[2])
 
     def _reached(self) -> Vec3:
         """Return the commanded thrust within what the thrusters reach (N m, body)."""

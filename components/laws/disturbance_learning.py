@@ -138,6 +138,7 @@ def update(
     effects: Table,
     noise: float,
     walk: float,
+    errors: tuple[Vec3, Vec3, Vec3],
     deviations: Table,
     drift: float,
     doubted: int,
@@ -156,6 +157,8 @@ def update(
         Standard deviation of a measurement (N m s).
     walk : float
         Standard deviation of what changes H and is not modelled (N m s).
+    errors : tuple
+        The same of three independent errors along their axes (N m s, eci).
     deviations : Table
         Prior standard deviations, of `spreads`.
     drift : float
@@ -173,6 +176,10 @@ def update(
         spread = deviations[doubted]
         covariance[STATES * doubted + doubted] += spread * spread
     _predict(state, covariance, effects, walk, deviations, drift)
+    for row in range(MOMENTUM_STATES):
+        for other in range(MOMENTUM_STATES):
+            for error in errors:
+                covariance[STATES * row + other] += error[row] * error[other]
     _correct(state, covariance, measured, noise)
     for i in range(COILS, WAVES):
         state[i] = min(max(state[i], -MOST), MOST)
