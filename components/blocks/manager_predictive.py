@@ -104,6 +104,13 @@ class ManagerPredictive(MomentumDumping, EarthField):
     `attitude_noise`. `laws/predictive.py`
     has the solver.
 
+    Thrusters that are weaker than `tau_level` still give small commands in full. The
+    share of the level that they reach, `thruster_limit`, is learnt from firings that
+    are cut short, with its standard deviation (`laws/thrust_limit.py`). Plans to empty
+    use what is certain: the estimate less one standard deviation, one half at first, or
+    what a firing has shown. Only the first interval of a plan may use the estimate. A
+    firing beyond what is certain teaches this limit and nothing else.
+
     Where the measured field differs from the model by more than 0.3 of it, or a plan to
     hold has not converged after 30 steps, `mode` is fallback: M = n (h x B) / |B|^2,
     the cross-product law, until the next plan. If the optimiser of a plan to empty has
@@ -433,10 +440,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         m = reduced(m, to_wheels(self._to_coils, m), self.m_limit)
         self._coils = to_wheels(self._to_coils, m)
         dipole = self._effective_dipole(self._coils)
-        x, y, z = self.thruster_effectiveness
-        n_x, n_y, n_z = self._reached()
-        absorbed = (x * n_x, y * n_y, z * n_z)
-        return add(cross(dipole, mean), absorbed), (m, n_t)
+        return add(cross(dipole, mean), self._effective_thrust()), (m, n_t)
 
     def _period(self) -> float:
         """Return the time (s) from plan to plan, a multiple of the sample time."""
@@ -617,6 +621,12 @@ class ManagerPredictive(MomentumDumping, EarthField):
             most = self.thruster_limit[j] * self.tau_level[j]
             thrust[j] = min(max(self._thrust[j], -most), most)
         return (thrust[0], thrust[1], thrust[2])
+
+    def _effective_thrust(self) -> Vec3:
+        """Compute the torque (N m, body) that the thrusters give for the command."""
+        x, y, z = self.thruster_effectiveness
+        n_x, n_y, n_z = self._reached()
+        return (x * n_x, y * n_y, z * n_z)
 
     def _limit_thrust(
         self, passed: float, q: Vec4, h: Vec3, causes: Table, noise: float
