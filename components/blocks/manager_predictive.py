@@ -300,7 +300,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._planned = -1.0
         self._costate = ZERO
         self._bins = (0.0,) * BINS
-        self._bin = -1
+        self._bin = self._first_bin = -1
         self._failed = False
         self.effectiveness = (1.0, 1.0, 1.0, 1.0)
         self.thruster_effectiveness = (1.0, 1.0, 1.0)
@@ -387,9 +387,10 @@ class ManagerPredictive(MomentumDumping, EarthField):
         """Return the share (1) of the rate n at which momentum is removed.
 
         It is the peak of the last orbit over EMPTY_FILL of the capacity, and at most 1.
+        In the first orbit, whose peak is not known, it is 1.
         """
         empty = EMPTY_FILL * self.h_limit
-        if empty <= 0.0:
+        if empty <= 0.0 or self._bin < self._first_bin + BINS:
             return 1.0
         return min(max(self._peak() / empty, LEAST_SHARE), 1.0)
 
@@ -497,6 +498,8 @@ class ManagerPredictive(MomentumDumping, EarthField):
         now = int(t * float(BINS) / orbit)
         a, b, c, d = to_wheels(self._to_wheels, add(h, self.h_target_body))
         largest = max(abs(a), abs(b), abs(c), abs(d))
+        if self._first_bin < 0:
+            self._first_bin = now
         while self._bin < now:
             self._bin = now if self._bin < now - BINS else self._bin + 1
             self._bins = (0.0, *self._bins[:-1])
