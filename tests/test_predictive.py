@@ -14,7 +14,7 @@ from scipy.optimize import linprog, minimize
 from desat.components.blocks.manager_predictive import ManagerPredictive
 from desat.components.contract.block import BlockError
 from desat.components.laws import disturbance_learning as learning
-from desat.components.laws import predictive
+from desat.components.laws import predictive, thrust_limit
 from desat.runs.run import Options, execute
 
 N, H = predictive.INTERVALS, predictive.PATH_INTERVALS
@@ -109,7 +109,7 @@ def test_emptying_takes_hardly_more_than_the_linear_programme(seed: int) -> None
         2e-3,
         (limit,) * 3,
         (1.0,) * N,
-        tuple(most[:, 3].tolist()),
+        tuple(most[:, 3:].ravel().tolist()),
         10.0 / (tau * tau * 0.05),
         2e-5,
         12.5,
@@ -166,7 +166,9 @@ def test_filter_finds_a_dead_and_a_turned_coil() -> None:
         ]
         seen = tuple(y + draw.gauss(0.0, 1e-3) for y in h)
         rows = learning.causes(tuple(columns))
-        x, p = learning.update(x, p, seen, rows, 1e-3, 1e-4, spreads, 1e-3, -1)  # type: ignore[arg-type]
+        x, p = learning.update(
+            x, p, seen, rows, 1e-3, 1e-4, ((0.0,) * 3,) * 3, spreads, 1e-3, -1
+        )  # type: ignore[arg-type]
     assert x[13:17] == pytest.approx((0.0, 1.0, -1.0, 0.7), abs=0.05)
     assert x[4] == pytest.approx(2e-4, abs=3e-5)
     matrix = np.array(p).reshape(learning.STATES, learning.STATES)
@@ -278,6 +280,63 @@ def test_a_turned_coil_is_found_and_used(tmp_path: Path) -> None:
         np.abs(r.results.values("wheels.speed_wheel")[-700:]).max() for r in (run, full)
     ]
     assert peaks[0] < 1.3 * peaks[1]
+
+
+def test_a_firing_that_is_cut_gives_the_thrusters_limit() -> None:
+    """A thruster of 0.7: half a firing gives its command, a whole one 0.7 of it."""
+    limit, spread, bound, error = 1.0, learning.SPREAD_ACTUATOR, 0.0, 0.01
+    assert thrust_limit.dependable(limit, spread, bound) == 0.5
+    bound = thrust_limit.raise_bound(bound, 0.6, 0.6, error)
+    assert thrust_limit.dependable(limit, spread, bound) == pytest.approx(0.57)
+    assert not thrust_limit.is_tested(limit, spread, bound, 0.6, error)
+    assert thrust_limit.is_tested(limit, spread, bound, 1.0, error)
+    assert thrust_limit.is_cut(1.0, 0.7, error)
+    limit, spread = thrust_limit.correct(limit, spread, 0.7, error)
+    assert limit == pytest.approx(0.7, abs=1e-3)
+    assert thrust_limit.dependable(limit, spread, bound) == pytest.approx(
+        0.69, abs=1e-3
+    )
+    # from here on a smaller thrust is a change of the effectiveness
+    assert not thrust_limit.is_tested(limit, spread, bound, 0.7, error)
+
+
+@pytest.mark.parametrize(("level", "draw"), [(0.028, 20), (0.028, 14), (0.02, 4)])
+def test_weak_thrusters_empty_the_wheels_without_haste(
+    level: float, draw: int, tmp_path: Path
+) -> None:
+    """Samples of seed 9001 in which the law took a coil for turned, or did not end."""
+    starts = {
+        4: ((0.10536081549335562, -2.298206186966767, -0.8424057340416491), 6.011263),
+        14: ((-1.5828359048987943, -1.8291546931912668, 0.389003350293515), 5.019148),
+        20: ((0.4077024571148425, -2.4148264605817777, 0.0699419168782567), 5.411884),
+    }
+    h, phase = starts[draw]
+    weak = Options(
+        values={
+            "thrusters.tau_level": (level,) * 3,
+            "spacecraft.h_start_body": h,
+            "environment.phase": phase,
+        }
+    )
+    run = execute("uosat12/predictive-thrusters_0_7", weak, tmp_path / "run")
+    numbers = run.manifest.numbers
+    assert numbers["final_momentum"].value < 0.01
+    assert numbers["firing_time"].value < 1.05 * numbers["bound_same_end"].value
+
+
+@pytest.mark.parametrize("capacity", [0.0, 1.0, 100.0])
+def test_nearly_empty_wheels_take_less_energy(capacity: float, tmp_path: Path) -> None:
+    """With wheels of 1 N m s the day's momentum is below 5 % of it."""
+    found = {}
+    for limit in (0.0, capacity):
+        day = Options(stop=17220.0, values={"manager.h_limit": limit})
+        run = execute("nadir_day/laws-predictive-igrf", day, tmp_path / f"{limit}")
+        energy = run.results.values("torquers.dipole_energy")
+        wheels = np.abs(run.results.values("wheels.h_wheel")[-1000:]).max()
+        found[limit] = energy[-1] - energy[len(energy) // 3], wheels
+    (full, _), (energy, peak) = found[0.0], found[capacity]
+    assert energy == full if capacity == 0.0 else energy < 0.8 * full
+    assert capacity == 0.0 or peak < 0.05 * capacity
 
 
 @pytest.mark.parametrize("case", ["nominal", "dead_unknown", "thrusters_0_7"])

@@ -7,7 +7,7 @@ from ..bases.dumping import DUMPING, FALLBACK, IDLE, MomentumDumping
 from ..bases.earth_field import EarthField
 from ..contract.block import Mat33, Mat34, Output, Parameter, Table, Vec3, Vec4
 from ..contract.fitting import Law, Need
-from ..laws import cross_product, predictive, receding_horizon
+from ..laws import cross_product, predictive, receding_horizon, thrust_limit
 from ..laws import disturbance_learning as learning
 from ..laws.blending import Split
 from ..laws.integrated import null_torque, null_vector
@@ -35,13 +35,17 @@ LONGEST_INTERVAL = 0.05  # of a plan, in orbits
 STIFFNESS = 1.0
 PEAK = 0.1
 PEAK_SCALE = 0.85
+# Goal hold: wheels count as empty below this share of their capacity (1), and the weight
+# of momentum falls there, but not below LEAST_SHARE squared of the whole weight.
+EMPTY_FILL = 0.05
+LEAST_SHARE = 1e-2
 LEAST_EIGENVALUE = 1e-3  # of the coils' price, relative to its mean
 LEAST_ENERGY = 0.05  # relative price of a dipole of a coil that gives none
 COIL_PRICE = 2e-3  # goal empty: price of a full dipole or a second, squared and halved
 PATIENCE = 1e-3  # goal empty: relative discount of a last second against a first
-# Goal empty: fraction of the thrusters' time that plans leave free except in their
-# first interval, so that thrusters may turn out weaker by that.
-RESERVE = 0.35
+# Error of the thrusters' directions (rad), by attitude and mounting.
+MISALIGNMENT = 0.1
+NO_FIRING: Table = (0.0,) * (predictive.THRUSTERS * predictive.INTERVALS)
 TORQUE_SPREAD = 0.5  # prior deviation of constant torques, relative to n^2 J
 DIPOLE_SPREAD = 0.1  # prior deviation of the craft's own dipole, relative to m_limit
 # Least torque that is not modelled, relative to n^2 J and to the torques that are known,
@@ -74,7 +78,15 @@ class ManagerPredictive(MomentumDumping, EarthField):
     really give and h_i the momentum of wheel i. q = w_m n^2 / b^2 with n the orbit rate
     and b^2 half the mean of sum |a_j x B|^2. h_s is 0.85 times the largest wheel
     momentum of the last orbit and of the plan without this term. w_m and w_e are the
-    first two of the `weights`, the same for every craft. With `goal` empty the cost is
+    first two of the `weights`, the same for every craft. Where the capacity `h_limit`
+    of a wheel is known, w_m is multiplied by
+
+        min(1, h_p / (0.05 h_limit))^2
+
+    with h_p the largest wheel momentum of the last orbit. The law removes momentum at
+    about the rate sqrt(w_m) n, n by default. This is the rate for a wheel that is
+    filled to 5 %. With less in the wheels they take longer to fill, and the rate falls
+    in proportion, so that no energy is spent to keep empty wheels emptier. With `goal` empty the cost is
     the thrusters' time, weighted by the third, and X is to be zero at `end`; thrusters
     are used for this goal only. Between plans a coil follows the plan's costate with
     the measured field.
@@ -91,6 +103,13 @@ class ManagerPredictive(MomentumDumping, EarthField):
     lost. The filter takes its noise from the sensors: `h_noise`, `rate_noise` and
     `attitude_noise`. `laws/predictive.py`
     has the solver.
+
+    Thrusters that are weaker than `tau_level` still give small commands in full. The
+    share of the level that they reach, `thruster_limit`, is learnt from firings that
+    are cut short, with its standard deviation (`laws/thrust_limit.py`). Plans to empty
+    use what is certain: the estimate less one standard deviation, one half at first, or
+    what a firing has shown. Only the first interval of a plan may use the estimate. A
+    firing beyond what is certain teaches this limit and nothing else.
 
     Where the measured field differs from the model by more than 0.3 of it, or a plan to
     hold has not converged after 30 steps, `mode` is fallback: M = n (h x B) / |B|^2,
@@ -149,6 +168,12 @@ class ManagerPredictive(MomentumDumping, EarthField):
         min=0.0,
         needs=("b_body", "r_eci", "v_eci", "h_wheel", "m_cmd_body"),
         follows="torquers.m_limit",
+    )
+    h_limit: float = Parameter(
+        "N.m.s",
+        "momentum capacity of a wheel; 0: not known, all momentum counts in full",
+        min=0.0,
+        follows="wheels.inertia_wheel * wheels.speed_limit",
     )
     dead_coil: int = Parameter(
         "1",
@@ -232,6 +257,11 @@ class ManagerPredictive(MomentumDumping, EarthField):
     thruster_effectiveness: Vec3 = Output(
         "1", "the same of the thrusters about each axis", interval=True
     )
+    thruster_limit: Vec3 = Output(
+        "1",
+        "share of tau_level that thrusters are seen to reach about each axis",
+        interval=True,
+    )
     gravity_scale: float = Output(
         "1", "s, gravity gradient as it is seen over what the law knows", interval=True
     )
@@ -259,6 +289,10 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._b_eci = self._gravity = self._dipole_planned = ZERO
         self._coils: Vec4 = (0.0, 0.0, 0.0, 0.0)
         self._thrust = ZERO
+        self.thruster_limit = (1.0, 1.0, 1.0)
+        spread = learning.SPREAD_ACTUATOR
+        self._limit_deviation: Vec3 = (spread, spread, spread)
+        self._limit_bound = ZERO
         self._q: Vec4 = (0.0, 0.0, 0.0, 1.0)
         self._r = self._v = ZERO
         self._fields = self._models = 0.0
@@ -266,7 +300,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._planned = -1.0
         self._costate = ZERO
         self._bins = (0.0,) * BINS
-        self._bin = -1
+        self._bin = self._first_bin = -1
         self._failed = False
         self.effectiveness = (1.0, 1.0, 1.0, 1.0)
         self.thruster_effectiveness = (1.0, 1.0, 1.0)
@@ -349,6 +383,17 @@ class ManagerPredictive(MomentumDumping, EarthField):
             peak = max(peak, x)
         return peak
 
+    def _momentum_share(self) -> float:
+        """Return the share (1) of the rate n at which momentum is removed.
+
+        It is the peak of the last orbit over EMPTY_FILL of the capacity, and at most 1.
+        In the first orbit, whose peak is not known, it is 1.
+        """
+        empty = EMPTY_FILL * self.h_limit
+        if empty <= 0.0 or self._bin < self._first_bin + BINS:
+            return 1.0
+        return min(max(self._peak() / empty, LEAST_SHARE), 1.0)
+
     def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
         nothing = ZERO, (ZERO, ZERO)
         assumed = self.attitude == 1
@@ -396,9 +441,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         m = reduced(m, to_wheels(self._to_coils, m), self.m_limit)
         self._coils = to_wheels(self._to_coils, m)
         dipole = self._effective_dipole(self._coils)
-        x, y, z = self.thruster_effectiveness
-        absorbed = (x * n_t[0], y * n_t[1], z * n_t[2])
-        return add(cross(dipole, mean), absorbed), (m, n_t)
+        return add(cross(dipole, mean), self._effective_thrust()), (m, n_t)
 
     def _period(self) -> float:
         """Return the time (s) from plan to plan, a multiple of the sample time."""
@@ -455,6 +498,8 @@ class ManagerPredictive(MomentumDumping, EarthField):
         now = int(t * float(BINS) / orbit)
         a, b, c, d = to_wheels(self._to_wheels, add(h, self.h_target_body))
         largest = max(abs(a), abs(b), abs(c), abs(d))
+        if self._first_bin < 0:
+            self._first_bin = now
         while self._bin < now:
             self._bin = now if self._bin < now - BINS else self._bin + 1
             self._bins = (0.0, *self._bins[:-1])
@@ -489,12 +534,14 @@ class ManagerPredictive(MomentumDumping, EarthField):
             self._x = learning.first_state(h)
         passed = t - self._known
         if self._known < 0.0 or passed > 10.0 * self.sample_time or not self.valid_b:
-            # restart H; keep the learnt parameters
-            self._x = (*h, *self._x[3:])
-            self._p = learning.forgotten(self._p, noise)
+            self._restart(h, noise)
         else:
-            causes = self._causes(passed, q, rotate_back(q, self.b_body))
-            self._learn(passed, h, causes, noise, gravity_torque)
+            b = rotate_back(q, self.b_body)
+            causes = self._causes(passed, q, b)
+            if self._limit_thrust(passed, q, h, causes, noise):
+                self._restart(h, noise)
+            else:
+                self._learn(passed, h, causes, noise, gravity_torque)
         self._known = t
         x = self._seen = learning.judge(self._x, self._p)
         self.gravity_scale = x[learning.GRAVITY]
@@ -502,6 +549,11 @@ class ManagerPredictive(MomentumDumping, EarthField):
         e = learning.COILS
         self.effectiveness = (x[e], x[e + 1], x[e + 2], x[e + 3])
         self.thruster_effectiveness = learning.vector(x, learning.THRUSTERS)
+
+    def _restart(self, h: Vec3, noise: float) -> None:
+        """Restart the filter's momentum at h (N m s, eci); keep the parameters."""
+        self._x = (*h, *self._x[3:])
+        self._p = learning.forgotten(self._p, noise)
 
     def _learn(
         self, passed: float, h: Vec3, causes: Table, noise: float, gravity_torque: float
@@ -512,8 +564,19 @@ class ManagerPredictive(MomentumDumping, EarthField):
         """
         _, orbit = self._motion()
         found = learning.innovation(self._x, h, causes)
+        # a coil is not lost where the thrusters' rounding explains what is found
+        axes = (
+            rotate_back(self._q, AXES[0]),
+            rotate_back(self._q, AXES[1]),
+            rotate_back(self._q, AXES[2]),
+        )
+        rounding = self._rounding()
+        unexplained = found
+        for j in range(3):
+            along = min(max(dot(found, axes[j]), -rounding[j]), rounding[j])
+            unexplained = sub(unexplained, scale(along, axes[j]))
         self._evidence = learning.gather(
-            self._evidence, self._p, found, causes, passed, orbit
+            self._evidence, self._p, unexplained, causes, passed, orbit
         )
         failed = learning.find_failure(self._evidence)
         if failed >= 0:
@@ -523,6 +586,8 @@ class ManagerPredictive(MomentumDumping, EarthField):
             VARIES * learning.known_torque(self._x),
             learning.unmodelled_torque(self._evidence),
         )
+        # commands, and so their roundings, last as long as innovations are averaged
+        lasting = sqrt(2.0 / 3.0 * learning.SMOOTHED * orbit / passed)
         self._x, self._p = learning.update(
             self._x,
             self._p,
@@ -530,10 +595,80 @@ class ManagerPredictive(MomentumDumping, EarthField):
             causes,
             noise,
             unmodelled * sqrt(orbit * passed / 3.0),
+            (
+                scale(lasting * rounding[0], axes[0]),
+                scale(lasting * rounding[1], axes[1]),
+                scale(lasting * rounding[2], axes[2]),
+            ),
             self._deviations,
             DRIFT * sqrt(passed / orbit),
             failed,
         )
+
+    def _rounding(self) -> Vec3:
+        """Return the largest errors of the last firing by its rounding (N m s, body).
+
+        Thrusters round on-times to whole pulses, as the law does. Where they are weaker
+        than known, their on-times are longer and the roundings differ.
+        """
+        error = [0.0, 0.0, 0.0]
+        for j in range(3):
+            if self._thrust[j] != 0.0:
+                error[j] = 0.5 * self.least_pulse * self.tau_level[j]
+        return (error[0], error[1], error[2])
+
+    def _reached(self) -> Vec3:
+        """Return the commanded thrust within what the thrusters reach (N m, body)."""
+        thrust = [0.0, 0.0, 0.0]
+        for j in range(3):
+            most = self.thruster_limit[j] * self.tau_level[j]
+            thrust[j] = min(max(self._thrust[j], -most), most)
+        return (thrust[0], thrust[1], thrust[2])
+
+    def _effective_thrust(self) -> Vec3:
+        """Compute the torque (N m, body) that the thrusters give for the command."""
+        x, y, z = self.thruster_effectiveness
+        n_x, n_y, n_z = self._reached()
+        return (x * n_x, y * n_y, z * n_z)
+
+    def _limit_thrust(
+        self, passed: float, q: Vec4, h: Vec3, causes: Table, noise: float
+    ) -> bool:
+        """Learn the largest torque about each axis from the firings of the last sample.
+
+        Returns whether one of them tested it, so that the sample teaches nothing else.
+        Arguments as of `_learn`; q is the attitude now.
+        """
+        found = rotate(q, learning.innovation(self._x, h, causes))
+        expected, fired = self._reached(), self._thrust
+        limits, deviations, bounds = [0.0] * 3, [0.0] * 3, [0.0] * 3
+        has_test = False
+        for j in range(3):
+            limits[j], deviations[j] = self.thruster_limit[j], self._limit_deviation[j]
+            bounds[j] = self._limit_bound[j]
+            if fired[j] == 0.0:
+                continue
+            i, level = learning.THRUSTERS + j, self.tau_level[j]
+            axis = rotate_back(q, AXES[j])
+            spread = learning.deviation_along(self._p, causes, axis, i, noise) / passed
+            across = MISALIGNMENT * (norm(fired) - abs(fired[j]))
+            error = sqrt(spread * spread + across * across) / level
+            command = abs(fired[j]) / level
+            torque = self._x[i] * expected[j] + found[j] / passed
+            share = copysign(1.0, fired[j]) * torque / level
+            tested = thrust_limit.is_tested(
+                limits[j], deviations[j], bounds[j], command, error
+            )
+            if tested and thrust_limit.is_cut(command, share, error):
+                limits[j], deviations[j] = thrust_limit.correct(
+                    limits[j], deviations[j], share, error
+                )
+            has_test = has_test or tested
+            bounds[j] = thrust_limit.raise_bound(bounds[j], command, share, error)
+        self.thruster_limit = (limits[0], limits[1], limits[2])
+        self._limit_deviation = (deviations[0], deviations[1], deviations[2])
+        self._limit_bound = (bounds[0], bounds[1], bounds[2])
+        return has_test
 
     def _momentum_noise(self, inertia: float, total: float) -> float:
         """Return the standard deviation of the measured momentum H (N m s).
@@ -582,7 +717,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
                         half * torque,
                         add(rotate_back(self._q, axis), rotate_back(q, axis)),
                     )
-                    for axis, torque in zip(AXES, self._thrust, strict=True)
+                    for axis, torque in zip(AXES, self._reached(), strict=True)
                 ),
                 *(scale(half, _weighted(c0, then, c1, now, axis)) for axis in AXES),
                 *(scale(half, _weighted(s0, then, s1, now, axis)) for axis in AXES),
@@ -798,7 +933,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         """Plan a course of low momentum from X = x0 (N m s, eci) on."""
         n, _ = self._motion()
         _, _, limits = self._axes()
-        stiff = STIFFNESS * n
+        stiff = STIFFNESS * n * self._momentum_share()
         momentum = self.weights[0] * stiff * stiff / max(strength, 1e-30)
         problem = predictive.PathProblem(
             count,
@@ -836,16 +971,13 @@ class ManagerPredictive(MomentumDumping, EarthField):
         x0 in N m s, eci.
         """
         fee = [0.0] * predictive.INTERVALS
-        most = [0.0] * predictive.INTERVALS
         _, _, limits = self._axes()
-        fires = self.tau_level[0] + self.tau_level[1] + self.tau_level[2] > 0.0
         rest, reach, begin = x0, 0.0, 0.0
         for k in range(count):
             reach += dt[k]
             rest = add(rest, drift[k])
         for k in range(count):
             fee[k] = self.weights[2] * (1.0 - PATIENCE * begin / reach)
-            most[k] = (1.0 - RESERVE if k > 0 else 1.0) * dt[k] if fires else 0.0
             begin += dt[k]
         level = max(self.tau_level[0], self.tau_level[1], self.tau_level[2], 1e-9)
         least = level * self.least_pulse
@@ -858,7 +990,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
             COIL_PRICE,
             limits,
             tuple(fee),
-            tuple(most),
+            self._longest_firings(count, dt),
             weight,
             near,
             stride,
@@ -876,7 +1008,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
                 COIL_PRICE,
                 limits,
                 tuple(fee),
-                (0.0,) * predictive.INTERVALS,
+                NO_FIRING,
                 weight,
                 near,
                 stride,
@@ -886,6 +1018,23 @@ class ManagerPredictive(MomentumDumping, EarthField):
         for j in range(3):
             m = add(m, scale(u[j], commands[j]))
         self._dipole_planned, self._thrust = m, thrust
+
+    def _longest_firings(self, count: int, dt: Table) -> Table:
+        """Return the longest on-times (s) of a plan to empty, THRUSTERS an interval.
+
+        The first interval may take what the thrusters are seen to reach, a later one
+        what is certain, so that a weaker thruster still has the time that it needs.
+        """
+        most = [0.0] * (predictive.THRUSTERS * predictive.INTERVALS)
+        for j in range(predictive.THRUSTERS):
+            limit = self.thruster_limit[j] if self.tau_level[j] > 0.0 else 0.0
+            certain = thrust_limit.dependable(
+                limit, self._limit_deviation[j], self._limit_bound[j]
+            )
+            for k in range(count):
+                share = certain if k > 0 else limit
+                most[predictive.THRUSTERS * k + j] = share * dt[k]
+        return tuple(most)
 
     def _bias(self, q: Vec4, turn: Vec3, size2: float, turning: bool) -> Vec3:
         """Return the momentum (N m s, eci) that is not to be dumped.

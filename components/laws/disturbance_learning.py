@@ -138,6 +138,7 @@ def update(
     effects: Table,
     noise: float,
     walk: float,
+    errors: tuple[Vec3, Vec3, Vec3],
     deviations: Table,
     drift: float,
     doubted: int,
@@ -156,6 +157,8 @@ def update(
         Standard deviation of a measurement (N m s).
     walk : float
         Standard deviation of what changes H and is not modelled (N m s).
+    errors : tuple
+        The same of three independent errors along their axes (N m s, eci).
     deviations : Table
         Prior standard deviations, of `spreads`.
     drift : float
@@ -173,6 +176,10 @@ def update(
         spread = deviations[doubted]
         covariance[STATES * doubted + doubted] += spread * spread
     _predict(state, covariance, effects, walk, deviations, drift)
+    for row in range(MOMENTUM_STATES):
+        for other in range(MOMENTUM_STATES):
+            for error in errors:
+                covariance[STATES * row + other] += error[row] * error[other]
     _correct(state, covariance, measured, noise)
     for i in range(COILS, WAVES):
         state[i] = min(max(state[i], -MOST), MOST)
@@ -259,6 +266,27 @@ def innovation(x: Table, measured: Vec3, effects: Table) -> Vec3:
         for i in range(CAUSES):
             found[row] -= effects[CAUSES * row + i] * x[MOMENTUM_STATES + i]
     return (found[0], found[1], found[2])
+
+
+def deviation_along(
+    p: Table, effects: Table, axis: Vec3, excluded: int, noise: float
+) -> float:
+    """Return the standard deviation (N m s) of the innovation along an axis (eci).
+
+    The parameter with the index `excluded` in x counts as known. p is the covariance
+    (row-major) at the sample's begin, the other arguments are those of `update`.
+    """
+    along = [0.0] * STATES
+    for row in range(MOMENTUM_STATES):
+        along[row] = axis[row]
+        for i in range(CAUSES):
+            along[MOMENTUM_STATES + i] += axis[row] * effects[CAUSES * row + i]
+    along[excluded] = 0.0
+    total = noise * noise
+    for i in range(STATES):
+        for j in range(STATES):
+            total += along[i] * p[STATES * i + j] * along[j]
+    return sqrt(max(total, 0.0))
 
 
 def gather(

@@ -53,7 +53,8 @@ Matrices = tuple[Mat33, ...]
 INTERVALS = 64  # maximum number of intervals of a plan
 PATH_INTERVALS = 40  # maximum number of intervals of a plan by `plan_path`
 COILS = 3  # commands to coils in an interval
-ACTUATORS = 6  # the coils and the thrusters' three axes
+THRUSTERS = 3  # axes of thrusters
+ACTUATORS = COILS + THRUSTERS
 WHEELS = 4
 STEPS = 30  # maximum number of Newton steps of a plan by `plan_path`
 HALVINGS = 12  # maximum number of halvings of a Newton step
@@ -424,8 +425,10 @@ def plan_unloading(
         r of a second, and of a coil's whole dipole.
     limits : Vec3
         The coils' whole dipoles (A m2).
-    fee, longest : Table
-        c, and u_max (s), of the thrusters in each interval.
+    fee : Table
+        c of the thrusters in each interval.
+    longest : Table
+        u_max (s) of the thrusters, THRUSTERS an interval.
     weight : float
         W.
     tolerance : float
@@ -506,10 +509,12 @@ def _evaluate_dual(
     xx, xy, xz, yy, yz, zz = w, 0.0, 0.0, w, 0.0, w
     for i in range(ACTUATORS * count):
         k, j = i // ACTUATORS, i % ACTUATORS
-        limit, deadband, unit = longest[k], fee[k], 1.0
         if j < COILS:
             limit, deadband = limits[j], 0.0
             unit = max(limit * limit, 1e-12)
+        else:
+            limit, deadband = longest[THRUSTERS * k + j - COILS], fee[k]
+            unit = 1.0
         pull = dot(effect[i], costate)
         excess = abs(pull) - deadband
         r = stage * (price / unit)
