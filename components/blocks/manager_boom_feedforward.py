@@ -6,6 +6,7 @@ from ..bases.boom import NOTHING, X_AXIS, Y_AXIS, Z_AXIS, Boom
 from ..contract.block import SMALL_ANGLE, Mat33, Output, Parameter, Table, Vec3, Vec4
 from ..laws import boom_filter, firing, orbit_momentum
 from ..laws import gravity_gradient as laws
+from ..laws.craft_filter import UNSOUND
 from ..maths.attitude import (
     IDENTITY_Q,
     inverse,
@@ -564,7 +565,7 @@ class ManagerBoomFeedforward(Boom):
             self._learn(t)
             self._filter_time += elapsed
             self._surprises = self._surprises + 1 if surprise > SURPRISE else 0
-            if self._surprises >= SURPRISES or surprise >= boom_filter.UNSOUND:
+            if self._surprises >= SURPRISES or surprise >= UNSOUND:
                 self.filter_restarts += 1
                 self._is_filtering = False
                 self._resume()
