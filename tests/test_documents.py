@@ -294,7 +294,7 @@ ACCEPTED: dict[str, dict[str, str]] = {
         "0.25 s": BY_HAND,
         "4e-15 N m s": "an example",
     },
-    "docs/loop-fmu.md": {"0.072 deg": BY_HAND, "259 kB": TESTED, "2.8 us": BY_HAND},
+    "docs/loop-fmu.md": {"0.072 deg": BY_HAND, "267 kB": TESTED, "2.8 us": BY_HAND},
     "docs/own-block.md": {
         "27 kB": BY_HAND,
         "40 kB": BY_HAND,

@@ -284,9 +284,14 @@ const told = { first, way, ended: flight.ended, said, fault: flight.fault, table
     )
 
 
+ROUNDED = 1e-15  # a number below this is of roundings alone
 WITHIN = (1e-12, 1e-10)
 """Of the scale of each series, a law: musl's sines are not glibc's, and the predictive
 law solves for its dipoles."""
+
+
+def without_rounding(value: float | None) -> float | None:
+    return 0.0 if value is not None and abs(value) < ROUNDED else value
 
 
 def alike(found: dict[str, Any], run: Run, within: float) -> list[str]:
@@ -321,7 +326,8 @@ def test_a_flight_is_that_of_a_run_with_what_follows_from_sliders(
     )
     assert run.ok
     found = fly(answer.path, law, inputs)
-    assert "speed_limit = " in found["first"]
+    # of the wheels, or of the capacity that the law takes from it
+    assert "_limit = " in found["first"]
     begun, message = found["way"]
     assert begun == ""
     assert "take a shorter step" in message
@@ -334,8 +340,8 @@ def test_a_flight_is_that_of_a_run_with_what_follows_from_sliders(
                 assert value == parameter.value, f"{name}.{key}"
     numbers = {n: run.manifest.numbers[n].value for n in found["numbers"]}
     assert len(numbers) > 12
-    assert {n: number(x) for n, x in found["numbers"].items()} == {
-        n: number(x) for n, x in numbers.items()
+    assert {n: number(without_rounding(x)) for n, x in found["numbers"].items()} == {
+        n: number(without_rounding(x)) for n, x in numbers.items()
     }
 
 
@@ -566,7 +572,13 @@ def test_a_slider_moved_in_a_browser_gives_what_the_shown_line_prints(
         )
     }
     assert len(shown) > 12
-    assert shown == {name: number(printed[name]["value"]) for name in shown}
+    values = {name: printed[name]["value"] for name in shown}
+    assert shown.keys() == values.keys()
+    for name, value in values.items():
+        if value is not None and 0.0 < abs(value) < ROUNDED:
+            assert abs(float(shown[name])) < ROUNDED, name
+        else:
+            assert shown[name] == number(value), name
     labels = tab.evaluate("desat.charts.map(u => [u.axes[0].label, u.axes[1].label])")
     assert all(x.startswith("time [") and y for x, y in labels)
     assert any(
@@ -868,7 +880,13 @@ def test_an_arrow_on_a_slider_stays_in_the_range_of_the_law(
     printed = json.loads(done.stdout)["numbers"]
     shown = at.shown()
     assert len(shown) > 12
-    assert shown == {name: number(printed[name]["value"]) for name in shown}
+    values = {name: printed[name]["value"] for name in shown}
+    assert shown.keys() == values.keys()
+    for name, value in values.items():
+        if value is not None and 0.0 < abs(value) < ROUNDED:
+            assert abs(float(shown[name])) < ROUNDED, name
+        else:
+            assert shown[name] == number(value), name
     at.tab.locator("#reset").click()
     at.wait()
     assert at.tab.evaluate(

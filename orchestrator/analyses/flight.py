@@ -543,8 +543,12 @@ def inputs_at(block: Block, times: Sequence[float]) -> dict[str, Array]:
     DesatError
         If the environment does not cover a time.
     """
-    rows = _rows_of_fmu(block, times)
-    if rows is None:
+    rows = None
+    if (component := native_of(block)) is not None:
+        elements = component.interface.elements
+        outputs = [s for name in ENVIRONMENT_OUTPUTS for s in elements[name]]
+        rows = rows_of(component, times, outputs)
+    if rows is None:  # there is none, or it failed: then the Python says why
         rows = _rows_of_block(block, times)
     found, first = {}, 0
     for name in ENVIRONMENT_OUTPUTS:
@@ -567,18 +571,6 @@ def _rows_of_block(block: Block, times: Sequence[float]) -> Array:
     except BlockError as error:
         raise DesatError(str(error)) from error
     return np.array(rows, float)
-
-
-def _rows_of_fmu(block: Block, times: Sequence[float]) -> Array | None:
-    """Compute the outputs of an environment, (times, elements), by its native FMU.
-
-    None where there is none, or where it fails: then the Python says why.
-    """
-    if (component := native_of(block)) is None:
-        return None
-    elements = component.interface.elements
-    outputs = [s for name in ENVIRONMENT_OUTPUTS for s in elements[name]]
-    return rows_of(component, times, outputs)
 
 
 def native_of(block: Block) -> Component | None:

@@ -56,7 +56,8 @@ def warnings(system: System) -> Iterator[str]:
         yield from _momentum_target(system, wheels)
         yield from _orbit_momentum(system, wheels)
     yield from _coils(system)
-    yield from _short_rows(system)
+    if (table := craft_of(system).disturbance) is not None:
+        yield from _short_rows(system, table)
 
 
 def _place_of(system: System, component: Component, name: str) -> str:
@@ -265,12 +266,11 @@ def _largest_table_torque(system: System) -> float:
     return float(np.linalg.norm(rows, axis=1).max()) * factor
 
 
-def _short_rows(system: System) -> Iterator[str]:
+def _short_rows(system: System, table: Component) -> Iterator[str]:
     """Check the rows of a table of torques against the step and the manager's sample."""
-    craft = craft_of(system)
-    table, manager = craft.disturbance, craft.manager
-    if table is None or "torque" not in table.values:
+    if "torque" not in table.values:
         return
+    manager = craft_of(system).manager
     lengths = np.diff(np.reshape(table.values["torque"], (-1, 4))[:, 0])
     used = np.logical_and.accumulate(lengths > 0.0)  # the time grows up to the last row
     shortest = float(lengths[used].min(initial=inf))
