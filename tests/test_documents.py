@@ -337,7 +337,6 @@ ACCEPTED: dict[str, dict[str, str]] = {
         "30 s": LIMIT,
         "95 %": LIMIT,
         "600 s": SOURCE,
-        "35 %": LIMIT,
         "5 deg": LIMIT,
     },
 }
