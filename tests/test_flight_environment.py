@@ -27,7 +27,11 @@ def test_the_native_fmu_gives_the_rows_of_the_block(
     component = system.components["environment"]
     times = [86400.0 + spacing * k for k in range(300)]
     expected = flight._rows_of_block(flight.environment_block(component), times)
-    found = flight._rows_of_fmu(flight.environment_block(component), times)
+    native = flight.native_of(flight.environment_block(component))
+    assert native is not None
+    elements = native.interface.elements
+    outputs = [s for name in flight.ENVIRONMENT_OUTPUTS for s in elements[name]]
+    found = flight.rows_of(native, times, outputs)
     assert found is not None
     np.testing.assert_array_equal(found, expected)
 

@@ -196,6 +196,7 @@ def test_what_is_followed_is_there():
         "duty_max",
         "least_pulse",
         "tau_level",
+        "attitude_noise",
     }
     for block, v in following:
         ends = names_in(v.follows)
