@@ -13,7 +13,6 @@ import signal
 import sys
 import threading
 import time
-import warnings
 from collections import deque
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import suppress
@@ -185,10 +184,8 @@ class _Worker:
     """Process that takes one call at a time."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
-        # a fork has what its parent has loaded, which would take it 0.6 s to import
-        context = (
-            get_context("fork") if process_state.CAN_FORK else get_context("spawn")
-        )
+        # not a fork: all would record their calls in one word (`engine/current_call.py`)
+        context = get_context("spawn")
         self.pipe, theirs = context.Pipe()
         self.key: Hashable = None
         self._since: float | None = None
@@ -196,8 +193,7 @@ class _Worker:
         self._process = context.Process(
             target=_serve, args=(theirs, function, os.getpid()), daemon=True
         )
-        with process_state.one_thread(), warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)  # of threads
+        with process_state.one_thread():
             self._process.start()
         theirs.close()
 
@@ -239,12 +235,7 @@ class _Worker:
         self._process.join()
 
     def close(self) -> None:
-        """Let the process end, and wait for it.
-
-        Closing the pipe alone would not do: later forks have copies of this end.
-        """
-        with suppress(BrokenPipeError):
-            self.pipe.send(None)
+        """Close the pipe, and wait for the process to end."""
         self.pipe.close()
         self._process.join()
 
@@ -254,14 +245,13 @@ def _serve(pipe: Any, function: Callable[..., Any], head: int) -> None:
 
     It leaves Ctrl-C to its parent, and ends with it.
     """
-    for number in process_state.stop_signals():  # a fork has its parent's handlers
-        signal.signal(number, signal.SIG_DFL)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     process_state.adopt()
     threading.Thread(target=_die_with, args=(head,), daemon=True).start()
     with suppress(EOFError, OSError):
         pipe.send(("ready", None))
-        while (arguments := pipe.recv()) is not None:
+        while True:
+            arguments = pipe.recv()
             try:
                 answer = ("result", function(*arguments))
             except Exception as error:
