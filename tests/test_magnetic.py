@@ -662,12 +662,19 @@ def test_a_scenario_without_its_design_says_so(monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("peak", "first", "dipole"),
-    [(2e-3, 0, np.inf), (2e-3, 12, 0.04), (1e-3, 12, 0.1), (5e-4, 12, 0.1)],
+    ("peak", "first", "dipole", "least"),
+    [
+        (2e-3, 0, np.inf, 0.999),
+        (2e-3, 12, np.inf, 0.999),
+        (2e-3, 12, 0.04, 0.89),
+        (1e-3, 12, 0.1, 0.96),
+        (5e-4, 12, 0.1, 0.97),
+    ],
 )
-def test_the_least_energy_beside_a_general_solver(peak, first, dipole):
+def test_the_least_energy_beside_a_general_solver(peak, first, dipole, least):
     """Wheels within a peak from a sample on, and coils within their limit; with the
-    last of these limits the optimum is another than without."""
+    last of these limits the optimum is another than without. `least` is the bound's
+    share of it: with a limit of the coils the bound is that of limits 2 % wider."""
     rng, count, dt = np.random.default_rng(5), 24, 100.0
     t = dt * np.arange(count)
     field = 3e-5 * np.stack(
@@ -707,5 +714,4 @@ def test_the_least_energy_beside_a_general_solver(peak, first, dipole):
     limits = momentum_offline.Limits(most, dipole)
     dipoles = scale * found.x.reshape(count, 3)
     lowest = momentum_offline.least_energy(course, limits, start, dipoles)
-    # where no course within the coils' limit is found without it, limits are 2 % wider
-    assert 0.85 * expected < lowest <= expected * (1.0 + 1e-6)
+    assert least * expected < lowest <= expected * (1.0 + 1e-6)

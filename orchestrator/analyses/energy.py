@@ -487,7 +487,7 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
     seconds, unit = time_axis(balanced.times)
     ax.plot(balanced.times / seconds, balanced.mismatch, COLOURS[0], name="mismatch")
     timeline(ax, seconds, unit)
-    ax.y.label = "[J]"
+    ax.y.label = "energy mismatch [J]"
     caption = "Energy mismatch: energy gained beyond the work of the torques"
     return [(caption, fig)]
 

@@ -244,5 +244,5 @@ def plot(times: Array, residual: Array, results: Results) -> Figure:
     for i, axis in enumerate("xyz"):
         ax.plot(times / seconds, residual[:, i], COLOURS[i], label=axis)
     timeline(ax, seconds, unit, results)
-    ax.y.label = "[N m s], eci"
+    ax.y.label = "residual [N m s], eci"
     return fig

@@ -49,11 +49,11 @@ def bound(
 
 
 def _seconds(first: float | str | None, results: Results) -> float | None:
-    """Convert a time in orbits of a run to seconds from the run's start."""
+    """Convert a time in orbits, counted from a run's start, to seconds."""
     if not isinstance(first, str):
         return first
     r, v = (results.values(f"environment.{name}")[0] for name in ("r_eci", "v_eci"))
-    return (orbits(first) or 0.0) * period_of(r, v)
+    return float(results.times()[0]) + (orbits(first) or 0.0) * period_of(r, v)
 
 
 def _is_by_coils(target: str) -> bool:
