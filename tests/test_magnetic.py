@@ -713,5 +713,6 @@ def test_the_least_energy_beside_a_general_solver(peak, first, dipole, least):
     expected = found.fun * scale**2 * dt
     limits = momentum_offline.Limits(most, dipole)
     dipoles = scale * found.x.reshape(count, 3)
-    lowest = momentum_offline.least_energy(course, limits, start, dipoles)
+    lowest, ease = momentum_offline.least_energy(course, limits, start, dipoles)
+    assert (ease > 0.0) == (dipole < np.inf)
     assert least * expected < lowest <= expected * (1.0 + 1e-6)

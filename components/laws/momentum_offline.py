@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import isfinite
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ AIM = 0.8  # share of a limit within which a first course is sought
 # that take the limit of the wheels in a sample, and the number of descents, each with ten
 # times the weight.
 START_WEIGHT, APPROACHES = 1e-4, 14
-EASE = 0.02
+EASE = 0.02  # by which limits are wider where a course is sought near given dipoles
 LIGHT = 1e3  # 1/(T2 s2), weight of the momentum in such a descent
 
 
@@ -177,13 +177,20 @@ class Limits:
         return all(gap.min(initial=1.0) > 0.0 for gap in self.gaps(course, x))
 
 
+class LeastEnergy(NamedTuple):
+    """Lower bound of the coils' energy (A2 m4 s), and by how much limits were wider."""
+
+    energy: float
+    ease: float
+
+
 def least_energy(
     course: Course,
     limits: Limits,
     start: Array,
     dipoles: Array,
     accuracy: float = 1e-3,
-) -> float | None:
+) -> LeastEnergy | None:
     """Compute a lower bound of the coils' energy (A2 m4 s) over a course.
 
     The energy is the integral of the squared dipoles. The course begins at `start` (N m
@@ -196,11 +203,11 @@ def least_energy(
     the weight w of the barrier its optimum is at most 2 n w above the minimum.
     """
     if limits.hold(course, _along(course, start, np.zeros_like(dipoles))):
-        return 0.0
-    now = _course_within(course, limits, start)
+        return LeastEnergy(0.0, 0.0)
+    ease, now = 0.0, _course_within(course, limits, start)
     if now is None:
+        ease, now = EASE, _along(course, start, dipoles)
         limits = Limits((1.0 + EASE) * limits.peak, (1.0 + EASE) * limits.dipole)
-        now = _along(course, start, dipoles)
         if not limits.hold(course, now):
             return None
     count = 2 * sum(gap.size for gap in limits.gaps(course, now))
@@ -209,7 +216,7 @@ def least_energy(
         now = _descend(course, _Barrier(limits, w), start, now, 0.01 * w * count)
         energy = _energy(course, now)
         if w * count <= accuracy * energy:
-            return course.dt * (energy - w * count)
+            return LeastEnergy(course.dt * (energy - w * count), ease)
         w *= 0.2
 
 

@@ -65,6 +65,7 @@ class CoilBound:
     # A2 m4 s, minimum energy with no larger peak; None: none is found
     least: float | None
     above_percent: float | None  # %, excess of the run over the minimum
+    ease: float  # 1, by which the limits of the minimum are wider than the run's
 
     def numbers(self) -> dict[str, Value]:
         """Return the numbers for a manifest; unknown ones are left out."""
@@ -104,8 +105,8 @@ def of_run(
         programme cannot be solved.
     """
     known = course_of(manifest, results)
-    energy, momenta = (results.values(s) for s in SIGNALS[-2:])
-    fullest, used = np.abs(momenta).max(axis=1), 2.0 * float(energy[-1])
+    spent, momenta = (results.values(s) for s in SIGNALS[-2:])
+    fullest, used = np.abs(momenta).max(axis=1), 2.0 * float(spent[-1])
     times = results.times()
     if first is not None and not times[0] <= first < times[-1]:
         raise DesatError(
@@ -114,16 +115,22 @@ def of_run(
         )
     begin = float(times[0]) if first is None else first
     peak = float(fullest[times >= begin].max())
-    least = _least(manifest, *known, peak, begin)
+    found = _least(manifest, *known, peak, begin)
     at_start = int(fullest.argmax()) < START * len(fullest)
-    if first is None and at_start and least is not None and least < WORTH * used:
+    if first is None and at_start and found is not None and found.energy < WORTH * used:
         begin = float(times[int(LATE * len(times))])
         peak = float(fullest[times >= begin].max())
-        least = _least(manifest, *known, peak, begin)
-    above = 100.0 * (used / least - 1.0) if least else None
+        found = _least(manifest, *known, peak, begin)
     limit = _limit_of(manifest)
+    energy = None if found is None else found.energy
     return CoilBound(
-        used, peak, begin, limit if np.isfinite(limit) else None, least, above
+        used,
+        peak,
+        begin,
+        limit if np.isfinite(limit) else None,
+        energy,
+        100.0 * (used / energy - 1.0) if energy else None,
+        0.0 if found is None else found.ease,
     )
 
 
@@ -135,8 +142,8 @@ def curve(
     Peaks without a solution are left out.
     """
     known = course_of(manifest, results)
-    energies = ((p, _least(manifest, *known, p, manifest.start)) for p in peaks)
-    return [(p, least) for p, least in energies if least is not None]
+    found = ((p, _least(manifest, *known, p, manifest.start)) for p in peaks)
+    return [(p, least.energy) for p, least in found if least is not None]
 
 
 def _least(
@@ -146,7 +153,7 @@ def _least(
     dipoles: Array,
     peak: float,
     first: float,
-) -> float | None:
+) -> offline.LeastEnergy | None:
     """Compute the least energy for a peak (N m s) from a time (s) on.
 
     None where there is no momentum, and where no course is found.

@@ -50,10 +50,17 @@ def bound(
         return
     if isinstance(least, LowerBound) and least.least is None:
         err.print("no momentum left: more than can be dumped in this time")
-    if not isinstance(least, LowerBound) and least.least is None:
-        err.print(
-            "no least energy: no course was found that keeps wheels and coils within their limits"
-        )
+    if not isinstance(least, LowerBound):
+        if least.least is None:
+            err.print(
+                "no least energy: no course was found that keeps wheels and coils within "
+                "their limits"
+            )
+        if least.ease > 0.0:
+            err.print(
+                "the least energy is that of limits of wheels and coils "
+                f"{100.0 * least.ease:g} % wider: the coils reach their limit"
+            )
     columns = [Column("", kind="text"), Column(""), Column("", kind="unit")]
     rows = []
     if isinstance(least, LowerBound):
