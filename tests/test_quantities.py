@@ -86,7 +86,7 @@ REFUSED = {
     "tune mine manager.gain --for peak --between 1e-4,inf": "--between 1e-4,inf: numbers are",
     "tune mine manager.gain --for peak --between 1,1e309": "--between 1,1e309: a finite number",
     "compare mine mine --seed 3": "--seed: it goes with -n",
-    "compare mine mine --accuracy 1e300": "--accuracy 1e300: above 0 is needed, 1 rad at most",
+    "compare mine mine --accuracy 1e300": "--accuracy 1e300: above 0 is needed, 0.1 rad at most",
     "sweep mine manager.gain=1 --seed 3": "--seed: it goes with --samples",
     "run mine --stop nan": "--stop nan: a number is needed",
     "run mine --call-limit inf": "--call-limit inf: a number is needed",

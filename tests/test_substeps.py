@@ -509,6 +509,7 @@ def test_a_resumed_run_keeps_its_choice(tmp_path, monkeypatch):
         ),
         (("--accuracy", "0"), "--accuracy 0: above 0 is needed"),
         (("--accuracy", "nan"), "--accuracy nan: a number is needed"),
+        (("--accuracy", "0.2"), "--accuracy 0.2: above 0 is needed, 0.1 rad at most"),
     ],
 )
 def test_options_that_are_none(desat, tmp_path, arguments, message):

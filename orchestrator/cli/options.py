@@ -141,7 +141,7 @@ Substeps = Annotated[
 Accuracy = Annotated[
     float | None,
     number(
-        Quantity("--accuracy", "rad", 0.0, 1.0, above=True),
+        Quantity("--accuracy", "rad", 0.0, choices.MOST_ACCURACY, above=True),
         "RAD",
         "Bound of the estimated attitude error (rad) for --substeps auto.",
     ),

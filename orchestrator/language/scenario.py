@@ -20,6 +20,7 @@ from pydantic import (
     model_validator,
 )
 
+from ..system.choices import MOST_ACCURACY
 from ..system.model import ACCURACY, MOST_SUBSTEPS
 from .kinds import (
     Many,
@@ -45,6 +46,7 @@ from .kinds import (
 from .paper import PaperRow
 
 _Positive = Annotated[FiniteFloat, Field(gt=0.0)]
+_Accuracy = Annotated[FiniteFloat, Field(gt=0.0, le=MOST_ACCURACY)]
 _Substeps = Annotated[
     Annotated[int, Field(ge=1, le=MOST_SUBSTEPS), Tag("<number>")]
     | Annotated[Literal["auto"], Tag("<text>")],
@@ -378,7 +380,7 @@ class ScenarioTable(Written):
         "and body); auto, the default: a run chooses it by `accuracy`",
         use="resolved",
     )
-    accuracy: Maybe[_Positive] = key(
+    accuracy: Maybe[_Accuracy] = key(
         f"attitude error that `substeps = auto` keeps below, as the run estimates it; {ACCURACY:g}",
         "rad",
         use="resolved",

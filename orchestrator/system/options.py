@@ -6,12 +6,11 @@ import re
 import shlex
 from collections.abc import Mapping
 from dataclasses import Field, asdict, dataclass, field, fields, replace
-from math import inf
 from numbers import Real
 from pathlib import Path
 from typing import Any, TypedDict, get_args
 
-from .choices import Algorithm, Fmus, Isolate, Loop
+from .choices import MOST_ACCURACY, Algorithm, Fmus, Isolate, Loop
 from .errors import DesatError
 from .model import AUTO, MOST_SUBSTEPS, Substeps
 from .typed import JsonObject
@@ -247,8 +246,11 @@ class Options:
                 f"substeps = {self.substeps!r}: {AUTO} is needed, or an integer from "
                 f"1 to {MOST_SUBSTEPS}"
             )
-        small = isinstance(self.accuracy, Real) and 0.0 < float(self.accuracy) < inf
-        if self.accuracy is not None and not small:
+        is_angle = isinstance(self.accuracy, Real) and (
+            0.0 < float(self.accuracy) <= MOST_ACCURACY
+        )
+        if self.accuracy is not None and not is_angle:
             raise DesatError(
-                f"accuracy = {self.accuracy!r}: an angle above 0 rad is needed"
+                f"accuracy = {self.accuracy!r}: an angle above 0 rad is needed, "
+                f"{MOST_ACCURACY:g} rad at most"
             )
