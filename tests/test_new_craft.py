@@ -78,7 +78,7 @@ def test_the_command_writes_what_runs_from_its_folder(desat, tmp_path: Path) -> 
     )
     assert (
         result.stdout.splitlines()[0]
-        == "mine: craft.toml, nominal.toml, worst.toml, detumbling.toml"
+        == "mine: craft.toml, nominal.toml, worst.toml, detumbling.toml, rollout.toml"
     )
     # of the first minute alone the start is too much: its requirement would not be met
     run = desat("run", "mine", "--stop", "600", cwd=tmp_path, check=True)

@@ -494,7 +494,9 @@ def test_what_a_constant_does_is_what_another_one_would_have_done() -> None:
 
 
 def test_what_is_certain_stays_and_what_is_unknown_is_only_considered() -> None:
-    passed = craft_filter.Passed(1.0, (2.0, -2.0, 2.0), ZERO, ZERO, (3e-5, -1e-5, 2e-5))
+    passed = craft_filter.Passed(
+        1.0, (2.0, -2.0, 2.0), ZERO, ZERO, (3e-5, -1e-5, 2e-5), ZERO, 0.0
+    )
     for certain in (setting(0.0, 0.0, 0.0), setting(0.03, 0.5, 4e-6)):
         x, p = craft_filter.begin(FIELD, ZERO, certain)
         first = x
@@ -513,7 +515,7 @@ def test_what_is_certain_stays_and_what_is_unknown_is_only_considered() -> None:
 def test_a_field_that_is_no_number_or_a_negative_variance_is_unsound() -> None:
     it = setting(0.03, 0.5, 4e-6)
     x, p = craft_filter.begin(FIELD, ZERO, it)
-    passed = craft_filter.Passed(1.0, ZERO, ZERO, ZERO, FIELD)
+    passed = craft_filter.Passed(1.0, ZERO, ZERO, ZERO, FIELD, ZERO, 0.0)
     assert craft_filter.updated(x, p, passed, it, True)[2] < 1.0
     wrong = passed._replace(field=(inf, 0.0, 0.0))
     assert craft_filter.updated(x, p, wrong, it, True)[2] == craft_filter.UNSOUND
@@ -535,7 +537,7 @@ def test_a_constant_is_held_within_four_deviations() -> None:
     assert state[12:15] == [-1.0, 1.0, 3.0]
     assert state[15:] == pytest.approx([1.6e-5] * 9)
     # moments so small, with such a product, belong to nothing
-    still = craft_filter.Passed(1.0, ZERO, ZERO, ZERO, FIELD)
+    still = craft_filter.Passed(1.0, ZERO, ZERO, ZERO, FIELD, ZERO, 0.0)
     thin = (*x[:6], 0.06, 0.06, 0.06, 0.05, 0.05, -0.05, *x[12:])
     assert craft_filter.updated(thin, p, still, it, False)[2] == craft_filter.UNSOUND
 
@@ -560,6 +562,27 @@ def test_it_learns_the_inertia_and_the_coupling_once_the_rate_is_known() -> None
         5e-6, rel=0.2
     )
     assert block.inertia == OFF
+
+
+def test_with_a_gyro_it_learns_the_inertia_from_the_first_rates_on() -> None:
+    flight = Flight(coupling=5e-6, inertia=OFF, **DOUBTS)
+    flight.omega = (0.1, -0.1, 0.1)
+    block = flight.go(2)
+    assert any(block.m_cmd_body)
+    assert block.omega_est_body == block.omega_bi_body
+    block = flight.go(600)
+    assert block.mode == DETUMBLED
+    assert block.filter_restarts == 0
+    first = np.reshape(block._setting.carrier, (3, 3)).diagonal()
+    now = np.reshape(block._carrier, (3, 3)).diagonal()
+    true = np.reshape(CARRIER, (3, 3)).diagonal()
+    assert np.max(np.abs(now / true - 1.0)) < 0.3 * np.max(np.abs(first / true - 1.0))
+    # without a field it learns nothing and still brakes by the gyro
+    flight = Flight(inertia=OFF, **DOUBTS)
+    flight.block.valid_b = False
+    block = flight.go(5)
+    assert np.array_equal(block._carrier, block._setting.carrier)
+    assert any(block.tau_cmd_wheel)
 
 
 def test_a_coil_that_turns_out_to_be_turned_is_commanded_the_other_way() -> None:

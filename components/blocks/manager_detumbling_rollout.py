@@ -64,10 +64,11 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
     commanded. Without a valid field there is no dipole and no search, and the filter
     restarts. Without a valid h_wheel there is no search.
 
-    **Doubt.** Where `inertia_spread`, `coil_spread` or `coupling_spread` is above 0, the
+    **Doubt.** Where `inertia_spread`, `coil_spread` or `coupling_spread` is above 0, a
     filter also estimates the inertia, what each coil gives and the coils' field at the
     magnetometer (`components.laws.craft_filter`), once every rate is known to 0.02 rad/s.
-    The model flies the inertia estimated, and a coil that turns out to be turned is
+    With a gyro this filter uses its rate, too, with the deviation `gyro_noise`; the law
+    still takes the measured rate. The model flies the inertia estimated, and a coil that turns out to be turned is
     commanded the other way. Where the coupling is doubted there is no dipole before. A
     filter that is lost starts anew (`filter_restarts`): its innovation is beyond six
     standard deviations five samples in a row, its covariance has a negative variance, or
@@ -124,6 +125,12 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
     rate_from: int = Parameter(
         "1", "where the rate is from", choices=("gyro", "filter")
     )
+    gyro_noise: float = Parameter(
+        "rad/s",
+        "deviation of a measured rate, each axis, with its bias; for what is doubted",
+        start=1e-4,
+        min=1e-9,
+    )
     field_noise: float = Parameter(
         "T", "filter: of the magnetometer, each axis", start=3e-7, min=1e-12
     )
@@ -138,20 +145,20 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
     )
     inertia_spread: float = Parameter(
         "1",
-        "filter: standard deviation of a moment of inertia over their mean; a product's is "
+        "standard deviation of a moment of inertia over their mean; a product's is "
         "a fifth of it; 0: certain",
         min=0.0,
         max=1.0,
     )
     coil_spread: float = Parameter(
         "1",
-        "filter: standard deviation of what a coil gives of its command; 0: certain",
+        "standard deviation of what a coil gives of its command; 0: certain",
         min=0.0,
         max=1.0,
     )
     coupling_spread: float = Parameter(
         "T/(A.m2)",
-        "filter: standard deviation of an element of coil_coupling; 0: certain",
+        "standard deviation of an element of coil_coupling; 0: certain",
         min=0.0,
         max=1e-3,
     )
@@ -243,9 +250,9 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
             doubts, carrier, self.rate_noise, self.field_turn
         )
         self._is_doubting = (
-            self.rate_from == FILTER
-            and max(self.inertia_spread, self.coil_spread, self.coupling_spread) > 0.0
+            max(self.inertia_spread, self.coil_spread, self.coupling_spread) > 0.0
         )
+        self._is_learning = False
         self._craft, self._doubt = craft_filter.begin(ZERO, ZERO, self._setting)
         self._signs: Vec3 = (1.0, 1.0, 1.0)
         self._surprises = self.filter_restarts = 0
@@ -408,12 +415,16 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         """Estimate the rate at this sample; None where it is not observable."""
         if self.rate_from == GYRO:
             self._omega = self.omega_bi_body if self.valid_omega else None
+            if self._is_doubting:
+                self._learn(t, self.valid_b and self.valid_h and self.valid_omega)
+                self._omega = self.omega_bi_body if self.valid_omega else None
+            return
+        if self._is_doubting:
+            self._omega = None
+            self._learn(t, self.valid_b and self.valid_h)
             return
         if not (self.valid_b and self.valid_h):
             self._omega = self._b_model = None
-            return
-        if self._is_doubting:
-            self._learn(t)
             return
         omega, model = self._omega, self._b_model
         if omega is None or model is None:
@@ -468,9 +479,15 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         )
         return rollout.along(self.axes_wheel, u)
 
-    def _learn(self, t: float) -> None:
-        """Estimate the rate and what is doubted of the craft at this sample."""
-        if self._omega is None:
+    def _learn(self, t: float, is_valid: bool) -> None:
+        """Estimate the rate and what is doubted of the craft at this sample.
+
+        is_valid: whether all measurements of this sample are.
+        """
+        was_learning, self._is_learning = self._is_learning, is_valid
+        if not is_valid:
+            return
+        if not was_learning:
             self._begin_learning()
             return
         elapsed = t - self._t_before
@@ -483,6 +500,8 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
                 self._wheel_torque(elapsed),
                 rollout.along(self.axes_wheel, self._h_before),
                 self._b,
+                self.omega_bi_body,
+                self.gyro_noise if self.rate_from == GYRO else 0.0,
             ),
             self._setting,
             self._is_familiar(),

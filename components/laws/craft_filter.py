@@ -8,8 +8,8 @@ into the magnetometer, row by row (T/(A m2)). Between samples
     J_r omega' = (e m) x b + tau - omega x (J_r omega + w),      b' = -omega x b,
 
 with m (A m2) the commanded dipole, e m by elements, tau (N m) the wheels' torque on the
-body and w (N m s) their momentum. The magnetometer shows y = b + K m + v. With E_i the
-symmetric unit matrices and a_i the body axes
+body and w (N m s) their momentum. The magnetometer shows y = b + K m + v, and a gyro,
+where there is one, omega. With E_i the symmetric unit matrices and a_i the body axes
 
     d omega'/d J_i = -J_r^-1 (E_i omega' + omega x E_i omega),
     d omega'/d e_i = m_i J_r^-1 (a_i x b).
@@ -62,6 +62,8 @@ class Passed(NamedTuple):
     tau: Vec3  # N m, the wheels' torque on the body
     wheel: Vec3  # N m s, the wheels' momentum at the last sample, body
     field: Vec3  # T, measured at this sample with the coils' in it, body
+    gyro: Vec3  # rad/s, rate measured at this sample, body
+    gyro_noise: float  # rad/s, its standard deviation, each axis; 0: there is no gyro
 
 
 class Setting(NamedTuple):
@@ -166,7 +168,7 @@ def _sign(x: Table, p: Table, state: int) -> float:
 def updated(
     x: Table, p: Table, passed: Passed, setting: Setting, learns: bool
 ) -> tuple[Table, Table, float]:
-    """Propagate to this sample and correct by its field.
+    """Propagate to this sample and correct by its field, and by its rate with a gyro.
 
     Parameters
     ----------
@@ -192,7 +194,12 @@ def updated(
     for i in range(STATES * STATES):
         covariance[i] = p[i]
     _predict(state, covariance, x, passed, setting)
-    worst = _correct(state, covariance, passed, setting.doubts.field, learns)
+    worst = 0.0
+    if passed.gyro_noise > 0.0:
+        worst = _correct_rate(state, covariance, passed, learns)
+    worst = max(
+        worst, _correct(state, covariance, passed, setting.doubts.field, learns)
+    )
     _bound(state, setting)
     if not _is_sound(state, covariance):
         worst = UNSOUND
@@ -353,6 +360,29 @@ def _correct(
             innovation,
             (1.0 + UNDERWEIGHT) * of_state + noise * noise,
             estimated,
+        )
+    return worst
+
+
+def _correct_rate(
+    state: list[float], covariance: list[float], passed: Passed, learns: bool
+) -> float:
+    """Correct in place by the measured rate, one axis after the other.
+
+    The result is the largest square of an innovation over its variance (1).
+    """
+    product = [0.0] * STATES
+    noise = passed.gyro_noise * passed.gyro_noise
+    estimated = STATES if learns else MOVING
+    worst = 0.0
+    for axis in range(3):
+        for i in range(STATES):
+            product[i] = covariance[STATES * i + axis]
+        variance = product[axis] + noise
+        innovation = passed.gyro[axis] - state[axis]
+        worst = max(worst, surprise(innovation, variance))
+        kalman.correct_first(
+            state, covariance, product, innovation, variance, estimated
         )
     return worst
 

@@ -1,7 +1,7 @@
 """Write a new craft's folder from the facts that its owner knows.
 
 It holds `craft.toml` with the origin of every number, and the scenarios `nominal`,
-`worst` and `detumbling`. Values that are not given are typical of the class
+`worst`, `detumbling` and `rollout`. Values that are not given are typical of the class
 (templates/classes.toml, templates/craft/).
 
 Rules, each written beside its number:
@@ -44,7 +44,7 @@ from desat.components.blocks.guidance_yaw import GuidanceYaw
 from desat.components.contract.block import Vec4
 from desat.components.maths.attitude import matrix, product
 from desat.components.physics import atmosphere
-from desat.components.physics.orbit import EARTH_RADIUS
+from desat.components.physics.orbit import EARTH_RADIUS, MU
 from desat.components.physics.torques import SOLAR_PRESSURE
 
 from ..files import io
@@ -73,8 +73,8 @@ from .orbits import Orbit, epoch_of, orbit_of
 from .torques import GivenTorque, given_torque
 
 Array = NDArray[np.float64]
-# the last one only for a craft with rods
-SCENARIOS = ("nominal", "worst", "detumbling")
+# the last two only for a craft with rods
+SCENARIOS = ("nominal", "worst", "detumbling", "rollout")
 LAYOUTS = ("pyramid", "axes")
 POINTINGS = ("nadir", "inertial", "sun", "yaw")
 # B-dot gain divided by mean moment of inertia, in units of the orbit rate. Of gains
@@ -96,6 +96,9 @@ OFF: Vec4 = (0.05, -0.05, 0.0513, 0.9962)
 YAW_ERROR = 1e-3  # rad: lag of the attitude under the acceleration of the steered frame
 # 1/s: gain of laws in deep space, where there is no orbit rate to derive it from
 QUICKEST = 1e-4
+EQUATOR_FIELD = 3.1e-5  # T: on the ground at the geomagnetic equator
+SLOW_RATE = math.radians(0.3)  # rad/s: rate at which a craft counts as detumbled
+WHEEL_TIME = 30.0  # s: time constant of the wheels' law of detumbling
 WHEELS = Quantity("--wheels", "N.m.s", 0.0, 1e5, above=True, bare=False)
 RODS = Quantity("--rods", "A.m2", 0.0, 1e5, above=True)
 THRUSTERS = Quantity("--thrusters", "N", 0.0, 1e5, above=True, bare=False)
@@ -502,8 +505,28 @@ def _template_values(facts: CraftFacts, name: str, command: str) -> dict[str, An
             "substeps": max(1, round(8.0 * min(1.0, step))),
             "sample": 1.0,
         },
+        "rollout": _rollout(rods, limits["name"], rate, sum(inertia) / 3.0),
         "tumble": _text(tumble),
         "tumble_size": _text(math.radians(tumble) * math.sqrt(3.0)),
+    }
+
+
+def _rollout(
+    rods: Mapping[str, str] | None, mass_class: str, rate: float, moment: float
+) -> dict[str, str]:
+    """Return gains and spreads of the detumbling rollout as texts; none without rods.
+
+    rate (rad/s) is the orbit rate and moment (kg m2) the mean moment of inertia. The
+    field of the gain is that of a dipole at the semi-major axis.
+    """
+    if rods is None:
+        return {}
+    field = EQUATOR_FIELD * rate**2 * EARTH_RADIUS**3 / MU
+    dipole = quantity("--rods", rods["dipole"], "A.m2")
+    return {
+        "gain": f"{dipole / (field * SLOW_RATE):.3g}",
+        "gain_wheel": f"{moment / WHEEL_TIME:.4g}",
+        **classes()["spreads"][mass_class],
     }
 
 
@@ -597,7 +620,7 @@ def _secular(
     if not orbit.of_earth or orbit.eccentricity > 0.1:
         return light
     radius = math.sqrt(sum(x * x for x in orbit.state[0]))
-    return light + 0.1 * dipole * 3.1e-5 * (EARTH_RADIUS / radius) ** 3
+    return light + 0.1 * dipole * EQUATOR_FIELD * (EARTH_RADIUS / radius) ** 3
 
 
 def _step(

@@ -124,8 +124,8 @@ def craft(
     as_json: o.Json = False,
 ) -> None:
     """A craft of your own: a folder with craft.toml and the scenarios nominal, worst
-    and, with rods, detumbling, which runs at once. What you do not say is typical of
-    its class, and marked.
+    and, with rods, detumbling and rollout, which run at once. What you do not say is
+    typical of its class, and marked.
     """
     from ...begin import craft as new_craft
     from ...begin.facts import CraftFacts
