@@ -392,6 +392,8 @@ def faults(
     number: str | None = None,
     limits: Mapping[str, float] | None = None,
     jobs: int = 1,
+    more: int = 0,
+    tune: str | Mapping[str, str] = "",
     sets: Mapping[str, Any] | None = None,
     stop: float | str | None = None,
     step: float | None = None,
@@ -416,6 +418,11 @@ def faults(
         Largest values of numbers, by name; a sample beyond one fails.
     jobs
         Number of processes, as for `draws`.
+    more
+        Samples of a fault under which the first law is worse than another; 0: `count`.
+    tune
+        Parameter `component.parameter` that is searched first, without a fault and over
+        other samples: of each law that has it, or by the target that has the law.
     sets, stop, step, **options
         As for `run`.
 
@@ -444,6 +451,8 @@ def faults(
         number,
         limits or {},
         jobs,
+        more=more,
+        free=tune or {},
     )
 
 

@@ -44,6 +44,8 @@ from . import figures as several
 from .series import Series
 from .sources import Change, Sources
 
+MORE = 200  # samples of a fault under which ours is worse than another law
+
 
 class Verbs:
     """Every public method is a verb; `figures` collects what they draw: file -> SVG."""
@@ -73,9 +75,13 @@ class Verbs:
         number: str | None = None,
         limits: dict[str, float] | None = None,
         samples: int = 40,
+        tune: dict[str, str] | None = None,
     ) -> str:
         """Under which faults scenarios break (`desat faults`): a sentence and a table
-        for scenario -> label. A draft flies two samples."""
+        for scenario -> label. Faults under which the first is worse than another fly
+        MORE samples; `tune` has the parameter of a scenario that is searched first. A
+        draft flies two samples and searches nothing."""
+        free = {} if self._of.draft is not None else tune or {}
         names = [self._of.name_of(scenario) for scenario in laws]
         found = faults.fly_faults(
             names,
@@ -86,14 +92,22 @@ class Verbs:
             measured=number,
             limits=limits or {},
             jobs=self._of.jobs,
+            more=MORE if self._of.draft is None else 0,
+            free={self._of.name_of(scenario): name for scenario, name in free.items()},
         )
-        found = replace(found, labels=tuple(laws.values()))
+        # what was searched is said behind a scenario's name
+        labels = tuple(
+            label + at_search.removeprefix(name)
+            for label, at_search, name in zip(
+                laws.values(), found.labels, names, strict=True
+            )
+        )
+        found = replace(found, labels=labels)
         title = f"{found.title} {spell_unit(found.unit)}".rstrip()
         lines = [
             f"**Where it breaks.** {found.answer}",
             "",
-            f"| {title}, median; samples of {samples} that fail | "
-            f"{' | '.join(laws.values())} |",
+            f"| {title}, median; samples that fail | {' | '.join(labels)} |",
             "|---" * (len(laws) + 1) + "|",
         ]
         for fault, outcomes in found.rows.values():

@@ -68,11 +68,11 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
     filter also estimates the inertia, what each coil gives and the coils' field at the
     magnetometer (`components.laws.craft_filter`), once every rate is known to 0.02 rad/s.
     With a gyro this filter uses its rate, too, with the deviation `gyro_noise`; the law
-    still takes the measured rate. The model flies the inertia estimated, and a coil that turns out to be turned is
-    commanded the other way. Where the coupling is doubted there is no dipole before. A
-    filter that is lost starts anew (`filter_restarts`): its innovation is beyond six
-    standard deviations five samples in a row, its covariance has a negative variance, or
-    its inertia is not positive definite.
+    still takes the measured rate. The model flies the inertia estimated, and a coil that
+    turns out to be turned is commanded the other way. Where the coupling is doubted there
+    is no dipole before. A filter that is lost starts anew (`filter_restarts`): its
+    innovation is beyond six standard deviations five samples in a row, its covariance has
+    a negative variance, or its inertia is not positive definite.
 
     **Wheels.** The difference between a wheel's command and the change of its momentum
     is taken for friction and added to the command. A wheel that gives less than a fifth

@@ -31,6 +31,7 @@ from ..system import discovery
 from ..system.errors import DesatError, nearest
 from ..system.model import System
 from ..system.typed import JsonObject
+from . import tune
 from .criteria import CRITERIA, half_full
 from .ranking import laws_of
 from .sampled_laws import JudgedSample
@@ -56,6 +57,27 @@ class Contender:
     label: str
     source: Target
     options: Options
+
+
+@dataclass(frozen=True)
+class Flight:
+    """Samples of a contender under a fault."""
+
+    fault: Fault
+    contender: Contender
+    target: str
+    changes: Mapping[str, Any]  # values of the fault
+    is_drawn: bool  # whether the scenario has something to draw
+
+    def tasks(
+        self, samples: range, seed: int, names: tuple[str, ...]
+    ) -> list[tuple[Any, ...]]:
+        """Return what `JudgedSample` flies for these samples."""
+        draws: list[int | None] = list(samples) if self.is_drawn else []
+        if not self.is_drawn and 0 in samples:
+            draws = [None]
+        options = self.contender.options
+        return [(self.target, options, seed, x, names, self.changes) for x in draws]
 
 
 @dataclass(frozen=True)
@@ -238,6 +260,8 @@ def fly_faults(
     limits: Mapping[str, float] = MappingProxyType({}),
     jobs: int = 2,
     progress: bool = False,
+    more: int = 0,
+    free: str | Mapping[str, str] = MappingProxyType({}),
 ) -> FaultTable:
     """Fly samples of scenarios, or of a craft under several laws, with each fault.
 
@@ -260,6 +284,13 @@ def fly_faults(
         Largest values of numbers, by name; a sample beyond one fails.
     jobs, progress
         Number of processes; whether progress is shown.
+    more
+        Samples in place of `count` under faults where the first contender is worse than
+        another: more of its samples fail, or its median is above.
+    free
+        Parameter that is searched before, without a fault, for the least median of
+        `measured` over samples of the next seed (`tune`): of all contenders that have
+        it, or by the contender's label.
 
     Raises
     ------
@@ -274,39 +305,24 @@ def fly_faults(
     system, _ = prepare(first.source, first.options).or_raise()
     content = content_of(system.about)
     measured = _check_numbers(contenders, system, measured, limits)
+    contenders = [
+        _tuned(c, _free_of(c, free), measured, seed + 1, jobs) for c in contenders
+    ]
     names = (PEAK,) if PEAK in (measured, *limits) else ()
-    without: dict[str, str] = {}
-    tasks: list[tuple[Any, ...]] = []
-    flights: list[tuple[Fault, Contender, int]] = []
+    fly = _Fly(seed, names, jobs, progress)
     with tempfile.TemporaryDirectory() as folder:
-        nominal = Fault(NOMINAL, "none", {})
-        for fault in (nominal, *faults):
-            of_fault: list[tuple[Contender, tuple[Any, ...]]] = []
-            for k, contender in enumerate(contenders):
-                found = _with_fault(fault, contender, Path(folder) / f"{fault.name}{k}")
-                if isinstance(found, str):
-                    without[fault.title] = found
-                    break
-                drawn = content_of(contender.source.to_draw(options.blocks).about)
-                samples: Sequence[int | None] = (
-                    range(count) if drawn.dispersions else (None,)
-                )
-                target, changes = found
-                flights.append((fault, contender, len(samples)))
-                of_fault += [
-                    (contender, (target, contender.options, seed, x, names, changes))
-                    for x in samples
-                ]
-            if fault.title in without:
-                flights = [x for x in flights if x[0] is not fault]
-                continue
-            tasks += [task for _, task in of_fault]
-        rows = rows_of(tasks, jobs, targets[0], progress, runner=JudgedSample)
-    table: dict[str, tuple[Fault, tuple[Outcome, ...]]] = {}
-    for fault, _, n in flights:
-        outcome, rows = _outcome(rows[:n], measured, limits), rows[n:]
-        before = table.get(fault.name, (fault, ()))[1]
-        table[fault.name] = fault, (*before, outcome)
+        flights, without = _flights(contenders, faults, options, Path(folder))
+        rows = fly(flights, range(count))
+        table = _table(flights, rows, measured, limits)
+        if more > count:
+            worse = [x for x in flights if _is_worse(table[x.fault.name][1])]
+            for k, flown in zip(
+                (k for k, x in enumerate(flights) if x in worse),
+                fly(worse, range(count, more)),
+                strict=True,
+            ):
+                rows[k] += flown
+            table = _table(flights, rows, measured, limits)
     declared_number = content.numbers.get(measured)
     return FaultTable(
         tuple(targets),
@@ -316,6 +332,122 @@ def fly_faults(
         seed,
         table,
         without,
+    )
+
+
+@dataclass(frozen=True)
+class _Fly:
+    """How samples are flown."""
+
+    seed: int
+    names: tuple[str, ...]
+    jobs: int
+    progress: bool
+
+    def __call__(self, flights: Sequence[Flight], samples: range) -> list[list[RunRow]]:
+        """Return the rows of these samples of each flight."""
+        of_each = [x.tasks(samples, self.seed, self.names) for x in flights]
+        tasks = [task for tasks in of_each for task in tasks]
+        if not tasks:
+            return [[] for _ in flights]
+        rows = rows_of(
+            tasks,
+            self.jobs,
+            flights[0].contender.source.text,
+            self.progress,
+            runner=JudgedSample,
+        )
+        each = iter(rows)
+        return [[next(each) for _ in tasks] for tasks in of_each]
+
+
+def _flights(
+    contenders: Sequence[Contender],
+    faults: Sequence[Fault],
+    options: Options,
+    folder: Path,
+) -> tuple[list[Flight], dict[str, str]]:
+    """Return the flights without a fault and with each, and why a fault does not apply.
+
+    A fault that does not apply to one contender is flown by none.
+    """
+    flights: list[Flight] = []
+    without: dict[str, str] = {}
+    for fault in (Fault(NOMINAL, "none", {}), *faults):
+        of_fault: list[Flight] = []
+        for k, contender in enumerate(contenders):
+            found = _with_fault(fault, contender, folder / f"{fault.name}{k}")
+            if isinstance(found, str):
+                without[fault.title] = found
+                break
+            drawn = content_of(contender.source.to_draw(options.blocks).about)
+            of_fault.append(Flight(fault, contender, *found, bool(drawn.dispersions)))
+        else:
+            flights += of_fault
+    return flights, without
+
+
+def _table(
+    flights: Sequence[Flight],
+    rows: Sequence[Sequence[RunRow]],
+    measured: str,
+    limits: Mapping[str, float],
+) -> dict[str, tuple[Fault, tuple[Outcome, ...]]]:
+    """Summarise the samples of all flights: name of a fault -> it and its outcomes."""
+    table: dict[str, tuple[Fault, tuple[Outcome, ...]]] = {}
+    for flight, of_flight in zip(flights, rows, strict=True):
+        _, before = table.get(flight.fault.name, (flight.fault, ()))
+        outcome = _outcome(of_flight, measured, limits)
+        table[flight.fault.name] = flight.fault, (*before, outcome)
+    return table
+
+
+def _is_worse(outcomes: Sequence[Outcome]) -> bool:
+    """Return whether the first contender is worse than another."""
+    first, *others = outcomes
+
+    def middle(x: Outcome) -> float:
+        """Return the median, infinite where it is not reached."""
+        return np.inf if x.median is None else x.median
+
+    return any(
+        x.failed < first.failed or (middle(x) < middle(first) and x.count > 1)
+        for x in others
+    )
+
+
+def _free_of(contender: Contender, free: str | Mapping[str, str]) -> str:
+    """Return the parameter that is searched for a contender; none: empty.
+
+    Raises DesatError for a contender whose parameter is named and not there.
+    """
+    system, _ = prepare(contender.source, contender.options).or_raise()
+    parameter = free if isinstance(free, str) else free.get(contender.label, "")
+    has_it = bool(parameter) and _value_of(system, parameter) is not None
+    if parameter and not has_it and not isinstance(free, str):
+        raise DesatError(f"{contender.label}: it has no parameter {parameter}")
+    return parameter if has_it else ""
+
+
+def _tuned(
+    contender: Contender, parameter: str, measured: str, seed: int, jobs: int
+) -> Contender:
+    """Return a contender with its free parameter searched, which its label says."""
+    if not parameter:
+        return contender
+    found = tune.tune(
+        contender.source.text,
+        parameter,
+        measured,
+        contender.options,
+        seed=seed,
+        jobs=jobs,
+    )
+    values = {**contender.options.values, parameter: found.best}
+    return replace(
+        contender,
+        label=f"{contender.label}, {parameter} = {found.best:.3g}",
+        options=replace(contender.options, values=values),
     )
 
 
@@ -398,27 +530,50 @@ def _with_fault(
     except DesatError as error:  # as an inertia that no body has
         return str(error).splitlines()[0]
     if added := fault.table.get("component"):
-        ((name, block),) = added.items()
-        scenario = contender.source.scenario
-        file = scenario.file if scenario is not None else None
-        if file is None or not (file.parent / CRAFT).is_file():
-            return "a component is added to a craft of one's own alone"
-        text = (file.parent / CRAFT).read_text(encoding="utf-8")
-        if f"\n{name} =" in text:
-            return f"the craft has a component {name} already"
-        if COMPONENTS not in text:
-            return f"{CRAFT} has no [components]"
-        shutil.copytree(file.parent, folder, ignore=shutil.ignore_patterns("runs"))
-        more = f'{COMPONENTS}{name} = "{block}"\n'
-        replace_text(folder / CRAFT, text.replace(COMPONENTS, more, 1))
-        rows = [x for row in fault.table["table"] for x in row]
-        changes: dict[str, Any] = {
-            f"{name}.torque": rows + [0.0] * (4 * ROWS - len(rows)),
-            f"{name}.between": "hold",
-            f"{name}.repeated": True,
-        }
-        return str(folder / file.name), changes
+        return _with_component(fault, contender.source, added, folder)
     return target, values
+
+
+def _with_component(
+    fault: Fault, source: Target, added: Mapping[str, str], folder: Path
+) -> tuple[str, dict[str, Any]] | str:
+    """Write a copy of a craft with a component more into `folder`.
+
+    Returns the target and the component's values, or why there can be none.
+    """
+    ((name, block),) = added.items()
+    scenario = source.scenario
+    file = None if scenario is None or scenario.file is None else scenario.file.parent
+    craft = next(
+        (
+            x / CRAFT
+            for x in (file, file and file.parent)
+            if x and (x / CRAFT).is_file()
+        ),
+        None,
+    )
+    if scenario is None or scenario.file is None or craft is None:
+        return "a component is added to a craft by its craft.toml alone"
+    text = craft.read_text(encoding="utf-8")
+    if f"\n{name} =" in text:
+        return f"the craft has a component {name} already"
+    if COMPONENTS not in text:
+        return f"{CRAFT} has no [components]"
+    target = folder / scenario.file.name
+    if craft.parent == scenario.file.parent:
+        shutil.copytree(craft.parent, folder, ignore=shutil.ignore_patterns("runs"))
+    else:  # a family of ours, whose scenarios lie in a folder beside it
+        folder.mkdir()
+        replace_text(target, f'extends = "{scenario.name}"\n')
+    more = f'{COMPONENTS}{name} = "{block}"\n'
+    replace_text(folder / CRAFT, text.replace(COMPONENTS, more, 1))
+    rows = [x for row in fault.table["table"] for x in row]
+    changes: dict[str, Any] = {
+        f"{name}.torque": rows + [0.0] * (4 * ROWS - len(rows)),
+        f"{name}.between": "hold",
+        f"{name}.repeated": True,
+    }
+    return str(target), changes
 
 
 def _outcome(

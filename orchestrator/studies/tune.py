@@ -22,7 +22,7 @@ from desat.components.contract.fitting import unit_under
 from desat.fmus import registry
 
 from ..analyses import analyses
-from ..campaign.draws import RunRow, rows_of
+from ..campaign.draws import One, RunRow, rows_of
 from ..campaign.pairs import confident, difference
 from ..campaign.spread import Spread
 from ..language.content import Content, content_of, overridden_by
@@ -35,6 +35,8 @@ from ..runs.run import Options
 from ..system.errors import DesatError, nearest, require
 from ..system.interface import Signal, names
 from ..system.typed import JsonObject
+from .criteria import CRITERIA
+from .sampled_laws import JudgedSample
 
 SPAN = 10.0  # default range: this factor below and above the craft's own value
 LOOKED_AT = 7  # values of the range that are flown first
@@ -187,14 +189,26 @@ def tune(
             f"{target}: it has no [dispersions], so there is nothing to sample"
         )
 
+    judged: tuple[Any, ...] = ()  # what else the runner of a sample takes
+    if _is_criterion(content, number):
+        judged = ((number,), {})
+
     def rows(values: Sequence[float], draw: range) -> list[list[RunRow]]:
         """Run these draws at each value, and return the rows by value."""
         tasks = [
-            (target, replace(options, values={**options.values, parameter: x}), seed, i)
+            (
+                target,
+                replace(options, values={**options.values, parameter: x}),
+                seed,
+                i,
+                *judged,
+            )
             for x in values
             for i in draw
         ]
-        results = rows_of(tasks, jobs, target, False, source)
+        results = rows_of(
+            tasks, jobs, target, False, source, runner=JudgedSample if judged else One
+        )
         return [results[k : k + len(draw)] for k in range(0, len(results), len(draw))]
 
     def evaluate(values: Sequence[float]) -> list[Point]:
@@ -207,9 +221,10 @@ def tune(
 
     search = _Search(evaluate, (low, high), own_value, most, draws)
     search.sample_range()
-    if not math.isfinite(search.points[own_value].median):
+    if not math.isfinite(search.scale()):
         raise DesatError(
-            f"{target}: {parameter} = {own_value:g}: not every sample has {number}"
+            f"{target}: {parameter} = {low:g} to {high:g}: not every sample has {number} "
+            "with any value"
         )
     search.refine()
     best = search.find_best()
@@ -290,13 +305,20 @@ class _Search:
     def cost(self, value: float) -> float:
         """Return the cost (1) of a value that was evaluated.
 
-        It is relative to the number at the craft's own value; large for a value that is
+        It is relative to `scale`; large for a value that is
         rejected.
         """
         point, own_point = self.points[value], self.points[self._own_value]
         if math.isfinite(point.median) and point.missed <= own_point.missed:
-            return self._sign * point.median / (abs(own_point.median) or 1.0)
+            return self._sign * point.median / (abs(self.scale()) or 1.0)
         return 1e3 * (1.0 + point.missed / self._draws)
+
+    def scale(self) -> float:
+        """Return the number at the craft's own value, or the least that is finite."""
+        own = self.points[self._own_value].median
+        if math.isfinite(own):
+            return own
+        return min(point.median for point in self.points.values())
 
     def _cost_at(self, place: float) -> float:
         """Return the cost (1) at a place of the search; evaluate it where it is new."""
@@ -355,6 +377,8 @@ def _parameter(
 
 def _number(content: Content, system: Any, number: str, target: str) -> None:
     """Raise DesatError for a number that the runs will not have."""
+    if _is_criterion(content, number):
+        return
     known = {*content.numbers}
     for analysis in analyses():
         if analysis.applies(system):
@@ -364,6 +388,12 @@ def _number(content: Content, system: Any, number: str, target: str) -> None:
             f"--for {number}: {target} has no such number{nearest(number, known)}; "
             f"there is {', '.join(sorted(known))}"
         )
+
+
+def _is_criterion(content: Content, number: str) -> bool:
+    """Return whether a number is not the scenario's but a criterion of laws."""
+    known = CRITERIA.get(number)
+    return number not in content.numbers and known is not None and known.of is not None
 
 
 def _range(
@@ -441,5 +471,7 @@ def _verdict(
         missed_own=sum(_misses(content, r) for r in own_rows),
         missed_best=sum(_misses(content, r) for r in best),
     )
+    if _is_criterion(content, number):
+        return unseen, CRITERIA[number].unit
     unit = next(r.described[number]["unit"] for r in own_rows if number in r.described)
     return unseen, unit

@@ -59,6 +59,23 @@ def faults(
             metavar="NAME=MOST", help="A sample fails where this number is above MOST."
         ),
     ] = None,
+    more: Annotated[
+        int,
+        typer.Option(
+            "--more",
+            min=0,
+            help="Number of samples of a fault under which the first law is worse than "
+            "another (default: --count).",
+        ),
+    ] = 0,
+    tune: Annotated[
+        str,
+        typer.Option(
+            metavar="COMP.VAR",
+            help="Parameter that is first searched for each law that has it, without a "
+            "fault and over other samples, as by desat tune.",
+        ),
+    ] = "",
     sets: o.Sets = None,
     stop: o.Stop = None,
     step: o.Step = None,
@@ -101,6 +118,8 @@ def faults(
         dict(map(_limit, limit or [])),
         jobs,
         progress=not as_json,
+        more=more,
+        free=tune,
     )
     if as_json:
         print_json(found.as_json())
