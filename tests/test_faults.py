@@ -185,3 +185,66 @@ def test_a_program_flies_faults(craft):
 def test_faults_refuse_several_crafts_under_laws():
     with pytest.raises(DesatError, match="--laws flies one craft"):
         faults.fly_faults(["a", "b"], Options(), [], 1, 1, laws=["all"])
+
+
+def test_a_fault_under_which_the_first_law_is_worse_flies_more_samples(craft):
+    """Only that fault, for all laws, with the samples that were there first."""
+    fly = [str(craft)], Options(stop=900.0), faults.chosen(["coil_weak"]), 2, 1
+    for laws in (["cross product", "predictive"], ["predictive", "cross product"]):
+        few = faults.fly_faults(*fly, laws, jobs=1)
+        more = faults.fly_faults(*fly, laws, jobs=1, more=3)
+        for name, (_, outcomes) in few.rows.items():
+            counts = [x.count for x in more.rows[name][1]]
+            if faults._is_worse(outcomes):
+                assert counts == [3, 3]
+            else:
+                assert more.rows[name][1] == outcomes
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "is_worse"),
+    [
+        ((0, 1.0), (0, 1.0), False),
+        ((0, 1.0), (1, 0.5), True),
+        ((1, 1.0), (0, 2.0), True),
+        ((0, 1.0), (4, None), False),
+        ((4, None), (4, None), False),
+    ],
+)
+def test_a_law_is_worse_by_a_failure_or_by_its_median(first, second, is_worse):
+    outcomes = [
+        faults.Outcome(4, failed, median, ()) for failed, median in (first, second)
+    ]
+    assert faults._is_worse(outcomes) is is_worse
+
+
+def test_a_free_number_is_searched_first_and_said(craft, monkeypatch):
+    """Of a law that has it, over other samples; a law without it flies as it is."""
+    calls = []
+
+    def tune(target, parameter, number, options, *, seed, jobs):
+        calls.append((parameter, number, seed))
+        return type("Found", (), {"best": 2e-3})
+
+    monkeypatch.setattr(faults.tune, "tune", tune)
+    laws = ["cross product", "predictive"]
+    fly = [str(craft)], Options(stop=300.0), faults.chosen(["coil_weak"]), 1, 4, laws
+    found = faults.fly_faults(*fly, jobs=1, free="manager.gain")
+    assert calls == [("manager.gain", "peak", 5)]
+    assert found.labels == ("cross product, manager.gain = 0.002", "predictive")
+    with pytest.raises(DesatError, match="predictive: it has no parameter manager"):
+        faults.fly_faults(*fly, jobs=1, free={"predictive": "manager.gain"})
+
+
+def test_pulses_act_on_a_family_of_ours(tmp_path):
+    """Its craft with the torque more, under the scenario's own samples."""
+    (fault,) = faults.chosen(["pulses"])
+    options = Options(stop=60.0)
+    target = "hausat2/detumbling-b-dot"
+    found = faults.fly_faults(
+        [target], options, [fault], 1, 1, (), "wheel_speed", jobs=1
+    )
+    assert not found.without
+    calm, pushed = (found.rows[n][1][0].median for n in ("nominal", "pulses"))
+    assert calm != pushed
+    assert pushed == pytest.approx(calm, rel=0.1)

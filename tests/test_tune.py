@@ -31,7 +31,7 @@ def model(home, monkeypatch):
     requests: list[tuple[float, int]] = []
 
     def use(of, missed=lambda gain: False):
-        def rows(tasks, jobs, title, progress, *known):
+        def rows(tasks, jobs, title, progress, *known, runner):
             results = []
             for _, options, _seed, draw in tasks:
                 gain = options.values["manager.gain"]

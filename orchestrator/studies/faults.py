@@ -316,12 +316,12 @@ def fly_faults(
         table = _table(flights, rows, measured, limits)
         if more > count:
             worse = [x for x in flights if _is_worse(table[x.fault.name][1])]
-            for k, flown in zip(
+            for k, added in zip(
                 (k for k, x in enumerate(flights) if x in worse),
                 fly(worse, range(count, more)),
                 strict=True,
             ):
-                rows[k] += flown
+                rows[k] += added
             table = _table(flights, rows, measured, limits)
     declared_number = content.numbers.get(measured)
     return FaultTable(
