@@ -3,8 +3,9 @@ from __future__ import annotations
 from math import sqrt
 
 from ..bases.boom import NOTHING, X_AXIS, Y_AXIS, Z_AXIS, Boom
+from ..bases.earth_field import EarthField
 from ..contract.block import SMALL_ANGLE, Mat33, Output, Parameter, Table, Vec3, Vec4
-from ..laws import boom_filter, firing, orbit_momentum
+from ..laws import boom_filter, field_reference, firing, orbit_momentum
 from ..laws import gravity_gradient as laws
 from ..laws.craft_filter import UNSOUND
 from ..maths.attitude import (
@@ -23,6 +24,7 @@ from ..physics.wheel_array import body_momentum
 WHEELS_Z, WHEELS_YZ, WHEELS_XYZ = range(3)
 IDLE, CONTROLLING, FIRING = range(3)
 SEPARATE_AXES, JOINT = range(2)
+NO_MODEL, DIPOLE, IGRF = range(3)
 TORQUE_LIMIT = 5
 ENTRIES = 8
 NONE = -1
@@ -31,7 +33,7 @@ SURPRISES = 5  # so many in a row, and the filter is lost
 NADIR: Vec3 = (0.0, 0.0, 1.0)  # of a craft that is aligned with the orbit, body
 
 
-class ManagerBoomFeedforward(Boom):
+class ManagerBoomFeedforward(Boom, EarthField):
     """One to three wheels keep a boom upright, and take what a firing gives while it
     gives it
 
@@ -84,7 +86,9 @@ class ManagerBoomFeedforward(Boom):
 
     in place of eq. 16 for axes that have wheels. Until the filter has run for
     `settling_time`, h_eq and t0 count as zero and no momentum is dumped by coils. A
-    constant attitude error is taken for a torque. A filter that is lost starts anew
+    constant attitude error is taken for a torque, unless `field_model` is given: the
+    measured field against that of a model is a second reference, by which the error is
+    estimated (`components.laws.field_reference`) and taken away. A filter that is lost starts anew
     (`filter_restarts`): its innovation is beyond six standard deviations five samples in
     a row, or its covariance is not that of anything. `attitude_gain`, `h_deadband` and
     `gain_dump` of axes with wheels have no effect then.
@@ -287,6 +291,42 @@ class ManagerBoomFeedforward(Boom):
         min=1.0,
         max=1e6,
     )
+    field_model: int = Parameter(
+        "1",
+        "model of the field that finds a constant attitude error; joint estimator",
+        choices=("none", "dipole", "igrf"),
+        start="none",
+        needs=("b_body", "r_eci"),
+    )
+    field_noise: float = Parameter(
+        "T",
+        "deviation of a measured field from the model's, each axis",
+        start=1e-6,
+        min=1e-12,
+        max=1e-3,
+    )
+    field_bias_spread: float = Parameter(
+        "T",
+        "deviation of the magnetometer's bias, each axis; with a field model",
+        start=1e-6,
+        min=0.0,
+        max=1e-3,
+    )
+    offset_spread: float = Parameter(
+        "rad",
+        "deviation of the constant attitude error, each axis; with a field model",
+        start=8.726646259971648e-3,
+        min=0.0,
+        max=0.5,
+        usual=SMALL_ANGLE,
+    )
+    offset_walk: float = Parameter(
+        "rad",
+        "random walk of the attitude error: deviation of its change in 1 s, each axis",
+        start=1e-6,
+        min=0.0,
+        max=1e-2,
+    )
     mode: int = Output(
         "1",
         "what the manager does",
@@ -322,6 +362,11 @@ class ManagerBoomFeedforward(Boom):
     )
     dipole_est_body: Vec3 = Output(
         "A.m2", "estimated residual dipole, body; joint estimator", interval=True
+    )
+    offset_est_body: Vec3 = Output(
+        "rad",
+        "estimated constant error of the measured attitude, body; with a field model",
+        interval=True,
     )
     h_excess_body: Vec3 = Output(
         "N.m.s",
@@ -374,6 +419,16 @@ class ManagerBoomFeedforward(Boom):
         if self.estimator == JOINT:
             self._check_joint()
         self._state, self._covariance = boom_filter.begin(ZERO, self._setting)
+        self._reference_setting = field_reference.Setting(
+            self.offset_spread,
+            self.offset_walk,
+            self.field_bias_spread,
+            self.field_noise,
+        )
+        self._reference, self._reference_covariance = field_reference.begin(
+            self._reference_setting
+        )
+        self.start_field(igrf=self.field_model == IGRF)
         self._field, self._field_variance = orbit_momentum.first_field()
         self._is_filtering = False  # whether the filter has had a measurement
         self._filter_time = 0.0  # s: how long it has run
@@ -382,7 +437,7 @@ class ManagerBoomFeedforward(Boom):
         self._nadir_before = NADIR
         self._surprises = self.filter_restarts = 0
         self.bias_est_body = self.tau_est_body = self.dipole_est_body = ZERO
-        self.h_excess_body = ZERO
+        self.h_excess_body = self.offset_est_body = ZERO
 
     def _check_joint(self) -> None:
         """Refuse parameters of the joint estimator that make no sense together."""
@@ -556,7 +611,7 @@ class ManagerBoomFeedforward(Boom):
                     self._state,
                     self._covariance,
                     self._interval(h, elapsed),
-                    self.q_bi,
+                    self._q_measured(),
                     self.omega_bi_body,
                     self._setting,
                 )
@@ -569,6 +624,8 @@ class ManagerBoomFeedforward(Boom):
                 self.filter_restarts += 1
                 self._is_filtering = False
                 self._resume()
+            if self.field_model != NO_MODEL:
+                self._find_offset(t, elapsed)
         x = self._state
         self.bias_est_body = boom_filter.bias_of(x)
         self.tau_est_body = boom_filter.torque_of(x)
@@ -588,7 +645,39 @@ class ManagerBoomFeedforward(Boom):
             self._state, self._covariance = boom_filter.resume(
                 self._state, self._covariance, self.omega_bi_body, self._setting
             )
-        self._q = self.q_bi
+        self._q = self._q_measured()
+
+    def _q_measured(self) -> Vec4:
+        """Return the measured attitude less its estimated error."""
+        if self.field_model == NO_MODEL:
+            return self.q_bi
+        return propagated(self.q_bi, scale(-1.0, self.offset_est_body), 1.0)
+
+    def _find_offset(self, t: float, elapsed: float) -> None:
+        """Find the attitude's constant error at t (s) by the field, and take it away.
+
+        elapsed: time (s) since the last sample.
+        """
+        model = self.field_eci(self.r_eci, t, igrf=self.field_model == IGRF)
+        self._reference, self._reference_covariance = field_reference.update(
+            self._reference,
+            self._reference_covariance,
+            self.b_body,
+            rotate(self._q, model),
+            elapsed,
+            self._reference_setting,
+        )
+        offset = field_reference.offset_of(self._reference)
+        c = matrix(product(self._q, inverse(self.q_ref_bi)))
+        self._q, self._state = boom_filter.turn(
+            self._q,
+            self._state,
+            sub(offset, self.offset_est_body),
+            (c[2], c[5], c[8]),
+            norm(self.omega_ref_body),
+            self.inertia,
+        )
+        self.offset_est_body = offset
 
     def _interval(self, h: Vec3, elapsed: float) -> boom_filter.Interval:
         """Return the conditions since the last sample, elapsed (s) ago.
