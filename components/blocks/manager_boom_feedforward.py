@@ -424,6 +424,7 @@ class ManagerBoomFeedforward(Boom, EarthField):
             self.offset_walk,
             self.field_bias_spread,
             self.field_noise,
+            self.field_memory,
         )
         self._reference, self._reference_covariance = field_reference.begin(
             self._reference_setting

@@ -6,24 +6,32 @@ the measured field,
 
     z - B = (a - a_est) x B + c + v,
 
-with c (T, body) the magnetometer's bias and v of deviation `noise`, in which the model's
-error counts. The field turns in the body over an orbit, so all components of a and c are
-found. a is a random walk. The filter is linear with 6 states (a, c).
+with c (T, body) the magnetometer's bias. The field turns in the body over an orbit, so all
+components of a and c are found. a is a random walk. The filter is linear with 6 states
+(a, c).
+
+v is noise and the error of the model, which lasts for many samples. Its variance is taken
+as noise^2 + CORRELATED s, with s the mean square of z - B less what is estimated, so that a
+coarse model teaches little.
 
 Source: ours.
 """
 
 from __future__ import annotations
 
+from math import exp
 from typing import NamedTuple
 
 from ..contract.block import Table, Vec3
 from ..maths import kalman
-from ..maths.vector import sub
+from ..maths.vector import dot, sub
 from .rate_filter import crossing
 
 BIAS = 3  # where the magnetometer's bias begins
+SQUARE = 6  # where s is (T2), the mean square of what remains
+WEIGHT = 7  # and its weight, in samples
 STATES = 6
+CORRELATED = 60.0  # samples over which the model's error is the same: 600 s, 36 deg
 
 
 class Setting(NamedTuple):
@@ -32,16 +40,17 @@ class Setting(NamedTuple):
     offset_spread: float  # rad, deviation of a at the start, each axis
     offset_walk: float  # rad, of its change in 1 s, each axis
     bias_spread: float  # T, deviation of c, each axis
-    noise: float  # T, deviation of a measured field from the model, each axis
+    noise: float  # T, least deviation of a measured field from the model, each axis
+    memory: float  # s, time constant of the mean square of what remains
 
 
 def begin(setting: Setting) -> tuple[Table, Table]:
-    """Return the first state (6) and covariance (6 x 6, row-major)."""
+    """Return the first numbers (8) and covariance (6 x 6, row-major)."""
     p = [0.0] * (STATES * STATES)
     for i in range(BIAS):
         p[(STATES + 1) * i] = setting.offset_spread * setting.offset_spread
         p[(STATES + 1) * (BIAS + i)] = setting.bias_spread * setting.bias_spread
-    return (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), tuple(p)
+    return (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), tuple(p)
 
 
 def update(
@@ -52,7 +61,8 @@ def update(
     Parameters
     ----------
     x, p : Table
-        State (6: rad, T) and covariance (6 x 6, row-major).
+        Numbers (8: a in rad, c in T, s in T2, its weight) and covariance of the first six
+        (6 x 6, row-major).
     measured : Vec3
         Measured field (T, body).
     model : Vec3
@@ -75,19 +85,24 @@ def update(
         )
     turning = crossing(model)  # a x B = -B x a
     difference = sub(measured, model)
+    remaining = sub(difference, bias_of(x))
+    weight = x[WEIGHT] * exp(-elapsed / setting.memory) + 1.0
+    square = x[SQUARE] + (dot(remaining, remaining) / 3.0 - x[SQUARE]) / weight
+    noise2 = setting.noise * setting.noise + CORRELATED * square
     for axis in range(3):
         for i in range(STATES):
             column[i] = covariance[STATES * i + BIAS + axis]
             for j in range(3):
                 column[i] -= turning[3 * axis + j] * covariance[STATES * i + j]
-        variance = column[BIAS + axis] + setting.noise * setting.noise
+        variance = column[BIAS + axis] + noise2
         innovation = difference[axis] - state[BIAS + axis]
         for j in range(3):
             variance -= turning[3 * axis + j] * column[j]
             # the model's field has x in it already; what this sample adds has not
             innovation += turning[3 * axis + j] * (state[j] - x[j])
         kalman.correct_first(state, covariance, column, innovation, variance, STATES)
-    return tuple(state), tuple(covariance)
+    a, b = (state[0], state[1], state[2]), (state[3], state[4], state[5])
+    return (*a, *b, square, weight), tuple(covariance)
 
 
 def offset_of(x: Table) -> Vec3:
