@@ -654,6 +654,10 @@ class ManagerBoomFeedforward(Boom, EarthField):
             return self.q_bi
         return propagated(self.q_bi, scale(-1.0, self.offset_est_body), 1.0)
 
+    def _b_measured(self) -> Vec3:
+        """Return the measured field (T, body) less the magnetometer's estimated bias."""
+        return sub(self.b_body, field_reference.bias_of(self._reference))
+
     def _find_offset(self, t: float, elapsed: float) -> None:
         """Find the attitude's constant error at t (s) by the field, and take it away.
 
@@ -690,7 +694,7 @@ class ManagerBoomFeedforward(Boom, EarthField):
         return boom_filter.Interval(
             elapsed,
             self._dipole_before,
-            scale(0.5, add(self._field_before, self.b_body)),
+            scale(0.5, add(self._field_before, self._b_measured())),
             self._nadir_before,
             norm(self.omega_ref_body),
             self._h_before,
@@ -725,7 +729,7 @@ class ManagerBoomFeedforward(Boom, EarthField):
         self._field, self._field_variance = orbit_momentum.learn_field(
             self._field,
             self._field_variance,
-            rotate_back(q, self.b_body),
+            rotate_back(q, self._b_measured()),
             self._phase,
             retention,
         )
@@ -778,7 +782,7 @@ class ManagerBoomFeedforward(Boom, EarthField):
             return ZERO
         return orbit_momentum.dump_dipole(
             self.h_excess_body,
-            self.b_body,
+            self._b_measured(),
             self.dump_threshold,
             orbit_momentum.field_size(self._field),
             self.dump_time,
@@ -830,7 +834,7 @@ class ManagerBoomFeedforward(Boom, EarthField):
         lean = self._lean_and_excess(self.momentum())
         x, y, z = add(self._dipole(nadir, turning, ZERO), self._economical_dipole())
         m: Vec3 = (self._pulsed(x), self._pulsed(y), self._pulsed(z))
-        magnetic = cross(add(m, self.dipole_est_body), self.b_body)
+        magnetic = cross(add(m, self.dipole_est_body), self._b_measured())
         gravity = laws.gravity_vector_torque(
             nadir, self.inertia, norm(self.omega_ref_body)
         )
@@ -842,7 +846,7 @@ class ManagerBoomFeedforward(Boom, EarthField):
         theta = sub(laws.rotation_vector(q), lean)
         self.mode = FIRING if on > 0.0 else CONTROLLING
         self.give(m, self._within(sub(self._pd(theta, turning), compensation)))
-        self._field_before, self._dipole_before = self.b_body, m
+        self._field_before, self._dipole_before = self._b_measured(), m
         self._nadir_before, self._firing_before = nadir, expected
 
     def hold(self, t: float) -> Vec3:
