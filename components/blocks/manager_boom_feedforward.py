@@ -277,6 +277,13 @@ class ManagerBoomFeedforward(Boom, EarthField):
         max=0.5,
         usual=SMALL_ANGLE,
     )
+    upright_time: float = Parameter(
+        "s",
+        "how long before and after a known firing the craft does not lean; joint estimator",
+        start=250.0,
+        min=0.0,
+        max=1e5,
+    )
     dump_threshold: float = Parameter(
         "N.m.s",
         "excess momentum across the field up to which no coil runs; joint estimator",
@@ -734,8 +741,19 @@ class ManagerBoomFeedforward(Boom, EarthField):
             retention,
         )
 
-    def _lean_and_excess(self, h: Vec3) -> Vec3:
-        """Return the lean (rad) of each axis; also set `h_excess_body`.
+    def _is_near_firing(self, t: float) -> bool:
+        """Return whether a known firing is on at t (s), or within `upright_time`."""
+        if not self.feedforward:
+            return False
+        for i in range(ENTRIES):
+            start, duration = self.schedule_start[i], self.schedule_duration[i]
+            begin, end = start - self.upright_time, start + duration + self.upright_time
+            if duration > 0.0 and begin <= t < end:
+                return True
+        return False
+
+    def _lean_and_excess(self, t: float, h: Vec3) -> Vec3:
+        """Return the lean (rad) of each axis at t (s); also set `h_excess_body`.
 
         h: the wheels' momentum less its target (N m s, body).
         """
@@ -771,6 +789,8 @@ class ManagerBoomFeedforward(Boom, EarthField):
             )
         x, y, z = sub(h, periodic) if self.valid_h else ZERO
         self.h_excess_body = (has[0] * x, has[1] * y, has[2] * z)
+        if self._is_near_firing(t):
+            return ZERO
         x, y, _ = clip(scale(self.gain_lean, self.h_excess_body), self.lean_limit)
         return clip(
             (equilibrium[0] + x, equilibrium[1] + y, 0.0), self.lean_total_limit
@@ -831,7 +851,7 @@ class ManagerBoomFeedforward(Boom, EarthField):
         nadir: Vec3 = (c[2], c[5], c[8])
         turning = sub(omega, rotate(q, self.omega_ref_body))
         self._follow_orbit(q, elapsed)
-        lean = self._lean_and_excess(self.momentum())
+        lean = self._lean_and_excess(t, self.momentum())
         x, y, z = add(self._dipole(nadir, turning, ZERO), self._economical_dipole())
         m: Vec3 = (self._pulsed(x), self._pulsed(y), self._pulsed(z))
         magnetic = cross(add(m, self.dipole_est_body), self._b_measured())
