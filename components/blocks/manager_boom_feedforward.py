@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Iterator
 from math import sqrt
 
 from ..bases.boom import NOTHING, X_AXIS, Y_AXIS, Z_AXIS, Boom
@@ -25,9 +26,10 @@ WHEELS_Z, WHEELS_YZ, WHEELS_XYZ = range(3)
 IDLE, CONTROLLING, FIRING = range(3)
 SEPARATE_AXES, JOINT = range(2)
 NO_MODEL, DIPOLE, IGRF = range(3)
-TORQUE_LIMIT = 5
+TORQUE_LIMIT, LEAN_LIMIT, CAPACITY = 5, 6, 7
 ENTRIES = 8
 NONE = -1
+TWO_PI = 6.283185307179586
 SURPRISE = 36.0  # innovation squared over its variance: six standard deviations
 SURPRISES = 5  # so many in a row, and the filter is lost
 NADIR: Vec3 = (0.0, 0.0, 1.0)  # of a craft that is aligned with the orbit, body
@@ -84,7 +86,8 @@ class ManagerBoomFeedforward(Boom, EarthField):
         lean_i = clip(t0_i / K_i + clip(gain_lean s_i, lean_limit), lean_total_limit)
         M_i = -(g_i less +-dump_threshold B_rms) / (|B|^2 dump_time),   g = B x s
 
-    in place of eq. 16 for axes that have wheels. Until the filter has run for
+    in place of eq. 16 for axes that have wheels. Within `upright_time` of a firing that is
+    known the lean is zero, since the error that a firing causes would add to it. Until the filter has run for
     `settling_time`, h_eq and t0 count as zero and no momentum is dumped by coils. A
     constant attitude error is taken for a torque, unless `field_model` is given: the
     measured field against that of a model is a second reference, by which the error is
@@ -96,7 +99,10 @@ class ManagerBoomFeedforward(Boom, EarthField):
     Without a valid field, attitude or rate (see `reason`) the coils are off; the wheels
     hold the rate and still absorb the firing. Without a valid h nothing is dumped and
     the filter is not updated. `reason` is torque_limit where a wheel's torque would
-    have to exceed torque_limit.
+    have to exceed torque_limit; with the joint estimator also capacity where h_eq,
+    `dump_threshold` and the largest firing to come exceed `h_limit`, and lean_limit where
+    |t0_i| / K_i has exceeded `lean_total_limit` for an orbit, so that gravity cannot hold
+    the craft and coils must.
 
     Source: ours; eq. 16 of paper 002.
     """
@@ -277,6 +283,12 @@ class ManagerBoomFeedforward(Boom, EarthField):
         max=0.5,
         usual=SMALL_ANGLE,
     )
+    h_limit: float = Parameter(
+        "N.m.s",
+        "momentum capacity of a wheel, joint estimator; 0: not known",
+        min=0.0,
+        follows="wheels.inertia_wheel * wheels.speed_limit",
+    )
     upright_time: float = Parameter(
         "s",
         "how long before and after a known firing the craft does not lean; joint estimator",
@@ -351,6 +363,8 @@ class ManagerBoomFeedforward(Boom, EarthField):
             "no_rate",
             "no_momentum",
             "torque_limit",
+            "lean_limit",
+            "capacity",
         ),
     )
     tau_firing_body: Vec3 = Output(
@@ -444,6 +458,7 @@ class ManagerBoomFeedforward(Boom, EarthField):
         self._field_before = self._dipole_before = self._firing_before = ZERO
         self._nadir_before = NADIR
         self._surprises = self.filter_restarts = 0
+        self._unbalanced_time = 0.0  # s: how long gravity has not taken the mean torque
         self.bias_est_body = self.tau_est_body = self.dipole_est_body = ZERO
         self.h_excess_body = self.offset_est_body = ZERO
 
@@ -477,6 +492,21 @@ class ManagerBoomFeedforward(Boom, EarthField):
                 f"field_memory = {self.field_memory:g} s is below ten samples of "
                 f"{self.sample_time:g} s, from which no orbit is learnt"
             )
+
+    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+        """Yield the problems known before a run: also a wheel that is too small."""
+        if self.estimator == JOINT:
+            self.covered(begin, end, self.field_model == IGRF)
+            required = self._required_capacity(begin, ZERO)
+            if 0.0 < self.h_limit < required:
+                yield (
+                    f"h_limit = {self.h_limit:g} N m s: the largest firing, the bias and "
+                    f"dump_threshold need {required:.2g} N m s, without what an orbit gives "
+                    "and takes back"
+                )
+        elif self.field_model != NO_MODEL:
+            yield "field_model has no effect: estimator = separate_axes takes none"
+        yield from super().foresee(begin, end, wired)
 
     def _check_schedule(self) -> None:
         """Refuse firings that do not begin at a sample or that overlap."""
@@ -752,6 +782,65 @@ class ManagerBoomFeedforward(Boom, EarthField):
                 return True
         return False
 
+    def _orbit_torque(self, n: float) -> orbit_momentum.OrbitTorque:
+        """Return the torque that is known over an orbit; n: its rate (rad/s)."""
+        aligned_rate: Vec3 = (0.0, -n, 0.0)
+        aligned_torque = sub(
+            laws.gravity_vector_torque(NADIR, self.inertia, n),
+            cross(aligned_rate, mat_vec(self.inertia, aligned_rate)),
+        )
+        return orbit_momentum.torque_over_orbit(
+            self._field,
+            add(self.tau_est_body, aligned_torque),
+            self.dipole_est_body,
+        )
+
+    def _check_balance(
+        self, t: float, limited: bool, torque: orbit_momentum.OrbitTorque, n: float
+    ) -> None:
+        """Set `reason` where leans or wheels do not suffice for what is known at t (s).
+
+        limited: whether the lean is; torque: over an orbit, less what a lean takes of it;
+        n: rate of the orbit (rad/s).
+        """
+        self._unbalanced_time = (
+            self._unbalanced_time + self.sample_time if limited else 0.0
+        )
+        if self.reason != NOTHING:
+            return
+        periodic = orbit_momentum.periodic_size(torque, n, self._has[0] > 0.0)
+        if 0.0 < self.h_limit < self._required_capacity(t, periodic):
+            self.reason = CAPACITY
+        elif self._unbalanced_time * n > TWO_PI:
+            self.reason = LEAN_LIMIT
+
+    def _required_capacity(self, t: float, periodic: Vec3) -> float:
+        """Return the momentum (N m s) that a wheel must be able to hold from t (s) on.
+
+        It has what the coils leave, the bias, the periodic momentum (N m s, body) and the
+        largest firing to come.
+        """
+        x, y, z = ZERO
+        for i in range(ENTRIES):
+            duration = self.schedule_duration[i]
+            if self.schedule_start[i] + duration > t:
+                a, b, c = self.schedule_tau_body[3 * i : 3 * i + 3]
+                x, y, z = (
+                    max(x, abs(a) * duration),
+                    max(y, abs(b) * duration),
+                    max(z, abs(c) * duration),
+                )
+        largest = 1.0 + self.firing_uncertainty
+        has, bias, threshold = self._has, self.h_target_body, self.dump_threshold
+        x = has[0] * (largest * x + periodic[0] + abs(bias[0]) + threshold)
+        y = has[1] * (largest * y + periodic[1] + abs(bias[1]) + threshold)
+        z = has[2] * (largest * z + periodic[2] + abs(bias[2]) + threshold)
+        required = 0.0
+        for i in range(4):
+            p, q, r = self._to_wheels[3 * i : 3 * i + 3]
+            required = max(required, abs(p) * x + abs(q) * y + abs(r) * z)
+        return required
+
     def _lean_and_excess(self, t: float, h: Vec3) -> Vec3:
         """Return the lean (rad) of each axis at t (s); also set `h_excess_body`.
 
@@ -761,16 +850,7 @@ class ManagerBoomFeedforward(Boom, EarthField):
         equilibrium = ZERO
         periodic = ZERO
         if self._filter_time >= self.settling_time and n > 0.0:
-            aligned_rate: Vec3 = (0.0, -n, 0.0)
-            aligned_torque = sub(
-                laws.gravity_vector_torque(NADIR, self.inertia, n),
-                cross(aligned_rate, mat_vec(self.inertia, aligned_rate)),
-            )
-            torque = orbit_momentum.torque_over_orbit(
-                self._field,
-                add(self.tau_est_body, aligned_torque),
-                self.dipole_est_body,
-            )
+            torque = self._orbit_torque(n)
             k = orbit_momentum.stiffness(self.inertia, n)
             mean = torque.mean
             equilibrium = (
@@ -778,15 +858,16 @@ class ManagerBoomFeedforward(Boom, EarthField):
                 has[1] * mean[1] / k[1] if k[1] > 0.0 else 0.0,
                 0.0,
             )
-            net_mean = orbit_momentum.compute_net_torque(
-                mean, k, clip(equilibrium, self.lean_total_limit)
+            limited = clip(equilibrium, self.lean_total_limit)
+            remaining = orbit_momentum.OrbitTorque(
+                orbit_momentum.compute_net_torque(mean, k, limited),
+                torque.cosine,
+                torque.sine,
             )
             periodic = orbit_momentum.periodic_momentum(
-                orbit_momentum.OrbitTorque(net_mean, torque.cosine, torque.sine),
-                self._phase,
-                n,
-                has[0] > 0.0,
+                remaining, self._phase, n, has[0] > 0.0
             )
+            self._check_balance(t, limited != equilibrium, remaining, n)
         x, y, z = sub(h, periodic) if self.valid_h else ZERO
         self.h_excess_body = (has[0] * x, has[1] * y, has[2] * z)
         if self._is_near_firing(t):
