@@ -86,8 +86,9 @@ class ManagerBoomFeedforward(Boom, EarthField):
         lean_i = clip(t0_i / K_i + clip(gain_lean s_i, lean_limit), lean_total_limit)
         M_i = -(g_i less +-dump_threshold B_rms) / (|B|^2 dump_time),   g = B x s
 
-    in place of eq. 16 for axes that have wheels. Within `upright_time` of a firing that is
-    known the lean is zero, since the error that a firing causes would add to it. Until the filter has run for
+    in place of eq. 16 for axes that have wheels. With a field model the lean is zero within
+    `upright_time` of a firing that is known, since the error that a firing causes would
+    add to it. Until the filter has run for
     `settling_time`, h_eq and t0 count as zero and no momentum is dumped by coils. A
     constant attitude error is taken for a torque, unless `field_model` is given: the
     measured field against that of a model is a second reference, by which the error is
@@ -291,7 +292,7 @@ class ManagerBoomFeedforward(Boom, EarthField):
     )
     upright_time: float = Parameter(
         "s",
-        "how long before and after a known firing the craft does not lean; joint estimator",
+        "how long before and after a known firing the craft does not lean; with a field model",
         start=250.0,
         min=0.0,
         max=1e5,
@@ -487,6 +488,11 @@ class ManagerBoomFeedforward(Boom, EarthField):
                     f"{name}_walk = {walk:g} is above {name}_spread = {spread:g}: it "
                     "would be forgotten within a second"
                 )
+        if self.field_model != NO_MODEL and self.offset_spread <= 0.0:
+            self.fail(
+                "field_model is given and offset_spread = 0: it must be above 0, else no "
+                "attitude error is looked for"
+            )
         if self.field_memory < 10.0 * self.sample_time:
             self.fail(
                 f"field_memory = {self.field_memory:g} s is below ten samples of "
@@ -771,9 +777,12 @@ class ManagerBoomFeedforward(Boom, EarthField):
             retention,
         )
 
-    def _is_near_firing(self, t: float) -> bool:
-        """Return whether a known firing is on at t (s), or within `upright_time`."""
-        if not self.feedforward:
+    def _must_be_upright(self, t: float) -> bool:
+        """Return whether the lean is to be zero at t (s): a known firing is near.
+
+        Without a field model the lean may be what corrects the attitude's error.
+        """
+        if not self.feedforward or self.field_model == NO_MODEL:
             return False
         for i in range(ENTRIES):
             start, duration = self.schedule_start[i], self.schedule_duration[i]
@@ -870,7 +879,7 @@ class ManagerBoomFeedforward(Boom, EarthField):
             self._check_balance(t, limited != equilibrium, remaining, n)
         x, y, z = sub(h, periodic) if self.valid_h else ZERO
         self.h_excess_body = (has[0] * x, has[1] * y, has[2] * z)
-        if self._is_near_firing(t):
+        if self._must_be_upright(t):
             return ZERO
         x, y, _ = clip(scale(self.gain_lean, self.h_excess_body), self.lean_limit)
         return clip(
