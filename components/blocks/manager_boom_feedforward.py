@@ -320,7 +320,7 @@ class ManagerBoomFeedforward(Boom, EarthField):
     )
     field_noise: float = Parameter(
         "T",
-        "deviation of a measured field from the model's, each axis",
+        "deviation of a measured field from that of a model that fits, each axis",
         start=1e-6,
         min=1e-12,
         max=1e-3,

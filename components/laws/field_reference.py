@@ -11,8 +11,8 @@ components of a and c are found. a is a random walk. The filter is linear with 6
 (a, c).
 
 v is noise and the error of the model, which lasts for many samples. Its variance is taken
-as noise^2 + CORRELATED s, with s the mean square of z - B less what is estimated, so that a
-coarse model teaches little.
+as noise^2 + CORRELATED s (1 + s / noise^2), with s the mean square of z - B less what is
+estimated, so that a model that does not fit teaches next to nothing.
 
 Source: ours.
 """
@@ -40,7 +40,7 @@ class Setting(NamedTuple):
     offset_spread: float  # rad, deviation of a at the start, each axis
     offset_walk: float  # rad, of its change in 1 s, each axis
     bias_spread: float  # T, deviation of c, each axis
-    noise: float  # T, least deviation of a measured field from the model, each axis
+    noise: float  # T, deviation of a measured field from a model that fits, each axis
     memory: float  # s, time constant of the mean square of what remains
 
 
@@ -88,7 +88,8 @@ def update(
     remaining = sub(difference, bias_of(x))
     weight = x[WEIGHT] * exp(-elapsed / setting.memory) + 1.0
     square = x[SQUARE] + (dot(remaining, remaining) / 3.0 - x[SQUARE]) / weight
-    noise2 = setting.noise * setting.noise + CORRELATED * square
+    least2 = setting.noise * setting.noise
+    noise2 = least2 + CORRELATED * square * (1.0 + square / least2)
     for axis in range(3):
         for i in range(STATES):
             column[i] = covariance[STATES * i + BIAS + axis]
