@@ -86,16 +86,18 @@ class ManagerBoomFeedforward(Boom, EarthField):
         lean_i = clip(t0_i / K_i + clip(gain_lean s_i, lean_limit), lean_total_limit)
         M_i = -(g_i less +-dump_threshold B_rms) / (|B|^2 dump_time),   g = B x s
 
-    in place of eq. 16 for axes that have wheels. With a field model the lean is zero within
-    `upright_time` of a firing that is known, since the error that a firing causes would
-    add to it. Until the filter has run for
-    `settling_time`, h_eq and t0 count as zero and no momentum is dumped by coils. A
-    constant attitude error is taken for a torque, unless `field_model` is given: the
-    measured field against that of a model is a second reference, by which the error is
-    estimated (`components.laws.field_reference`) and taken away. A filter that is lost starts anew
-    (`filter_restarts`): its innovation is beyond six standard deviations five samples in
-    a row, or its covariance is not that of anything. `attitude_gain`, `h_deadband` and
-    `gain_dump` of axes with wheels have no effect then.
+    in place of eq. 16 for axes that have wheels. Until the filter has run for
+    `settling_time`, h_eq and t0 count as zero and no momentum is dumped by coils. A filter
+    that is lost starts anew (`filter_restarts`): its innovation is beyond six standard
+    deviations five samples in a row, or its covariance is not that of anything.
+    `attitude_gain`, `h_deadband` and `gain_dump` of axes with wheels have no effect then.
+
+    **A second reference.** A constant attitude error acts like a constant torque. With
+    `field_model` the direction of the measured field against that of a model of the
+    Earth's field shows the error, and the magnetometer's bias
+    (`components.laws.field_reference`); both are taken away. A model that does not fit the
+    field teaches next to nothing. Where the error is known so, the lean is zero within
+    `upright_time` of a known firing, since the error that the firing causes would add to it.
 
     Without a valid field, attitude or rate (see `reason`) the coils are off; the wheels
     hold the rate and still absorb the firing. Without a valid h nothing is dumped and

@@ -11,8 +11,9 @@ components of a and c are found. a is a random walk. The filter is linear with 6
 (a, c).
 
 v is noise and the error of the model, which lasts for many samples. Its variance is taken
-as noise^2 + CORRELATED s (1 + s / noise^2), with s the mean square of z - B less what is
-estimated, so that a model that does not fit teaches next to nothing.
+as noise^2 + k s (1 + s / noise^2), with s the mean square of z - B less what is estimated
+and k the samples in CORRELATION_TIME, so that a model that does not fit teaches next to
+nothing.
 
 Source: ours.
 """
@@ -31,7 +32,7 @@ BIAS = 3  # where the magnetometer's bias begins
 SQUARE = 6  # where s is (T2), the mean square of what remains
 WEIGHT = 7  # and its weight, in samples
 STATES = 6
-CORRELATED = 60.0  # samples over which the model's error is the same: 600 s, 36 deg
+CORRELATION_TIME = 600.0  # s: as long the model's error is the same, 36 deg of an orbit
 
 
 class Setting(NamedTuple):
@@ -68,7 +69,7 @@ def update(
     model : Vec3
         Field of the model (T, body), by the attitude less the estimated error.
     elapsed : float
-        Time since the last measurement (s).
+        Time since the last measurement (s), above 0.
     setting : Setting
         Of the filter.
     """
@@ -89,7 +90,8 @@ def update(
     weight = x[WEIGHT] * exp(-elapsed / setting.memory) + 1.0
     square = x[SQUARE] + (dot(remaining, remaining) / 3.0 - x[SQUARE]) / weight
     least2 = setting.noise * setting.noise
-    noise2 = least2 + CORRELATED * square * (1.0 + square / least2)
+    correlated = max(CORRELATION_TIME / elapsed, 1.0)
+    noise2 = least2 + correlated * square * (1.0 + square / least2)
     for axis in range(3):
         for i in range(STATES):
             column[i] = covariance[STATES * i + BIAS + axis]
