@@ -14,17 +14,24 @@ from scipy.integrate import solve_ivp
 from test_alsat1 import NEAR, THREE, J, N, boom
 
 from desat.components.contract.block import BlockError
-from desat.components.laws import boom_filter, orbit_momentum
-from desat.components.maths.attitude import propagated
-from desat.components.maths.vector import cross, dot, inverse
+from desat.components.laws import boom_filter, field_reference, orbit_momentum
+from desat.components.laws import gravity_gradient as gravity
+from desat.components.maths.attitude import propagated, rotate
+from desat.components.maths.vector import add, cross, dot, inverse, mat_vec, sub
 from desat.runs.run import Options, execute
 
 ORBIT = 6128  # s, and samples of a run's series
 BIAS = (1e-4, -1e-4, 1e-4)
 TORQUE = (0.0, 5.47e-6, 0.0)
 DIPOLE = (0.6, -0.6, 0.6)
+OFFSET = (0.005, -0.005, 0.005)  # rad, 0.5 deg together
 NO_FIRING = "shared.schedule_duration=0,0,0,0,0,0,0,0"
-JOINT = ("manager.estimator=joint", "manager.torque_noise=1e-6,1e-6,1e-6")
+NO_MODEL = "manager.field_model=none"
+SEPARATE = (
+    "manager.estimator=separate_axes",
+    "manager.torque_noise=1e-5,1e-5,1e-5",
+    NO_MODEL,
+)
 
 
 def listed(values) -> str:
@@ -36,6 +43,8 @@ DISTURBED = (
     f"spacecraft.tau_disturbance_body={listed(TORQUE)}",
     f"spacecraft.residual_dipole_body={listed(DIPOLE)}",
 )
+OFF = f"determination.misalignment_body={listed(OFFSET)}"
+IGRF = ("environment.field=igrf", "manager.field_model=igrf", "manager.igrf_degree=6")
 SETTING = boom_filter.Setting(
     1.7e-3,
     3.5e-5,
@@ -48,7 +57,7 @@ SETTING = boom_filter.Setting(
 
 @cache
 def run(stop, blocks=False, sets=()):
-    options = Options(blocks=blocks, stop=stop, sets=[*JOINT, *sets])
+    options = Options(blocks=blocks, stop=stop, sets=list(sets))
     found = execute("alsat1/firing-ours", options)
     assert found.ok, found.manifest["message"]
     return found
@@ -59,7 +68,7 @@ def run(stop, blocks=False, sets=()):
 
 def test_bias_torque_and_dipole_are_found_within_an_orbit():
     """After one orbit, of the second one the root mean square error of each axis."""
-    results = run(12250.0, sets=(*DISTURBED, NO_FIRING)).results
+    results = run(12250.0, sets=(*DISTURBED, NO_FIRING, NO_MODEL)).results
     for name, truth, most in (
         ("bias_est_body", BIAS, 2e-6),
         ("tau_est_body", TORQUE, 5e-8),
@@ -70,9 +79,11 @@ def test_bias_torque_and_dipole_are_found_within_an_orbit():
     assert not results.values("manager.filter_restarts").any()
 
 
-def test_native_and_python_give_the_same_bits():
+@pytest.mark.parametrize("model", [(), (NO_MODEL,), IGRF])
+def test_native_and_python_give_the_same_bits(model):
     one, other = (
-        run(400.0, blocks=blocks, sets=(*DISTURBED, *NEAR)) for blocks in (True, False)
+        run(400.0, blocks=blocks, sets=(*DISTURBED, OFF, *model, *NEAR))
+        for blocks in (True, False)
     )
     names = [
         n for n in one.results.names() if n.startswith(("spacecraft.", "manager."))
@@ -188,6 +199,108 @@ def test_without_an_attitude_the_constants_stay_and_act():
     assert block.filter_restarts == 0
 
 
+# --- the second reference ---------------------------------------------------------------
+
+
+def test_a_constant_attitude_error_and_a_torque_are_told_apart():
+    """By the field: after one orbit, of the second one the rms error of each axis."""
+    sets = (*DISTURBED, OFF, NO_FIRING, *IGRF)
+    results = run(12250.0, sets=sets).results
+    for name, truth, most in (
+        ("offset_est_body", OFFSET, 3e-3),
+        ("tau_est_body", TORQUE, 1e-6),
+        ("dipole_est_body", DIPOLE, 0.02),
+    ):
+        error = results.values(f"manager.{name}")[ORBIT:] - np.array(truth)
+        assert np.sqrt((error**2).mean(axis=0)).max() < most, name
+
+
+REFERENCE = field_reference.Setting(8.7e-3, 1e-6, 1e-6, 1e-6, 9000.0)
+
+
+def refer(model_error=0.0):
+    """Return the numbers of the filter after three orbits, with a bias of 1 uT."""
+    rng = np.random.default_rng(1)
+    x, p = field_reference.begin(REFERENCE)
+    for k in range(1838):
+        b = orbit_field(10.0 * k)
+        turned = rotate((0.0, 0.0, math.sin(model_error), math.cos(model_error)), b)
+        offset = sub(OFFSET, field_reference.offset_of(x))
+        model = sub(turned, cross(offset, turned))
+        measured = tuple(np.add(b, 1e-6) + 3e-7 * rng.standard_normal(3))
+        x, p = field_reference.update(x, p, measured, model, 10.0, REFERENCE)
+    return x, p
+
+
+def test_offset_and_magnetometer_bias_are_found():
+    x, p = refer()
+    matrix = np.reshape(p, (6, 6))
+    assert np.array_equal(matrix, matrix.T)
+    deviation = np.sqrt(np.diag(matrix))
+    assert deviation[:3].max() < 5e-3
+    for found, truth, sigma in (
+        (field_reference.offset_of(x), OFFSET, deviation[:3]),
+        (field_reference.bias_of(x), (1e-6,) * 3, deviation[3:]),
+    ):
+        assert np.all(np.abs(np.subtract(found, truth)) < 2.0 * sigma)
+
+
+def test_a_model_that_does_not_fit_counts_less():
+    good, bad = (refer(error)[1] for error in (0.0, 0.2))
+    assert (
+        np.diag(np.reshape(bad, (6, 6)))[1] > 4.0 * np.diag(np.reshape(good, (6, 6)))[1]
+    )
+
+
+@given(st.tuples(*(st.floats(-0.01, 0.01),) * 3))
+def test_a_known_error_moves_torque_into_attitude(change):
+    """The total torque is the same before and after, and so is what the gyro measures."""
+    x = np.zeros(15)
+    x[3:6], x[6:9], x[9:12] = (2e-4, -N, 3e-4), BIAS, TORQUE
+    nadir = (0.02, -0.03, 1.0)
+    _, moved = boom_filter.turn((0.0, 0.0, 0.0, 1.0), tuple(x), change, nadir, N, J)
+
+    def total(state, u):
+        omega = tuple(state[3:6])
+        free = sub(
+            gravity.gravity_vector_torque(u, J, N), cross(omega, mat_vec(J, omega))
+        )
+        return add(free, tuple(state[9:12]))
+
+    after = total(moved, add(nadir, cross(change, nadir)))
+    assert after == pytest.approx(total(x, nadir), abs=1e-17)
+    gyro = add(boom_filter.rate_of(moved), boom_filter.bias_of(moved))
+    assert gyro == pytest.approx(tuple(x[3:6] + x[6:9]), abs=1e-17)
+
+
+SCHEDULE = {
+    "schedule_start": (1000.0,),
+    "schedule_duration": (30.0,),
+    "schedule_tau_body": (0.0, 1.5e-3, 1.5e-3),
+}
+
+
+@pytest.mark.parametrize(
+    ("parameters", "t", "upright"),
+    [
+        ({"field_model": 1}, 740.0, False),
+        ({"field_model": 1}, 760.0, True),
+        ({"field_model": 1}, 1270.0, True),
+        ({"field_model": 1}, 1290.0, False),
+        ({"field_model": 0}, 1000.0, False),
+        ({"field_model": 1, "feedforward": False}, 1000.0, False),
+        ({"field_model": 1, "upright_time": 0.0}, 990.0, False),
+    ],
+)
+def test_the_lean_ends_before_a_known_firing(parameters, t, upright):
+    block = joint(**SCHEDULE, **parameters)
+    block._filter_time = 1e5
+    block.omega_ref_body = (0.0, -N, 0.0)
+    block.tau_est_body = (0.0, 1e-5, 0.0)
+    lean = block._lean_and_excess(t, (0.0, 0.0, 0.0))
+    assert lean == (0.0, 0.0, 0.0) if upright else lean[1] == block.lean_total_limit
+
+
 # --- what the orbit gives back --------------------------------------------------------
 
 
@@ -230,6 +343,17 @@ def test_the_periodic_momentum_solves_the_wheels_equations(mean, even, odd):
     assert last == pytest.approx(expected, abs=1e-6)
 
 
+@given(torques, torques, torques, st.booleans())
+def test_the_size_of_the_periodic_momentum_bounds_it(mean, even, odd, has_roll):
+    torque = orbit_momentum.OrbitTorque(mean, even, odd)
+    size = np.array(orbit_momentum.periodic_size(torque, N, has_roll))
+    found = [
+        orbit_momentum.periodic_momentum(torque, u, N, has_roll)
+        for u in np.linspace(0.0, 2.0 * math.pi, 720)
+    ]
+    assert np.abs(found).max(axis=0) == pytest.approx(size, rel=1e-4, abs=1e-12)
+
+
 @given(st.tuples(*(st.floats(-0.1, 0.1),) * 3), st.tuples(*(st.floats(-1.0, 1.0),) * 3))
 def test_coils_take_only_momentum_beyond_the_threshold(excess, direction):
     b = tuple(4e-5 * x for x in direction)
@@ -247,12 +371,60 @@ def test_a_lean_about_roll_holds_a_torque_in_orbit():
     assert remaining == pytest.approx((0.0, 0.0, 1.0), abs=1e-15)
 
 
+LEAN_LIMIT, CAPACITY = 6, 7
+
+
+@pytest.mark.parametrize(
+    ("h_limit", "torque", "reason"),
+    [
+        (0.0, 0.0, 0),
+        (0.1, 0.0, 0),
+        (0.08, 0.0, CAPACITY),  # 1.3 times 45 mN m s, and the threshold of 25
+        (0.1, 1e-5, LEAN_LIMIT),
+    ],
+)
+def test_what_leans_or_wheels_cannot_do_is_a_reason(h_limit, torque, reason):
+    block = joint(**SCHEDULE, h_limit=h_limit)
+    block._filter_time, block._phase = 1e5, 0.0
+    block.omega_ref_body = (0.0, -N, 0.0)
+    block.tau_est_body = (0.0, torque, 0.0)
+    for k in range(614):
+        block.reason = 0
+        block._lean_and_excess(-10.0 * k, (0.0, 0.0, 0.0))
+        assert k > 600 or block.reason in (0, CAPACITY)
+    assert block.reason == reason
+
+
+def test_a_wheel_that_a_firing_fills_is_foreseen():
+    wired = frozenset({"q_ref_bi", "b_body"})
+    (line,) = joint(**SCHEDULE, h_limit=0.08).foresee(0.0, 2000.0, wired)
+    assert line.startswith(
+        "h_limit = 0.08 N m s: the largest firing, the bias and dump"
+    )
+    assert "need 0.083 N m s" in line
+    assert not list(joint(**SCHEDULE, h_limit=0.085).foresee(0.0, 2000.0, wired))
+    assert not list(joint(**SCHEDULE, h_limit=0.08).foresee(1040.0, 2000.0, wired))
+
+
+def test_a_field_model_without_the_joint_estimator_is_foreseen():
+    (line,) = joint(estimator=0, field_model=1).foresee(0.0, 1.0, frozenset())
+    assert line.startswith("field_model has no effect")
+
+
 # --- runs -----------------------------------------------------------------------------
 
 
-def test_the_craft_stays_upright_with_bias_dipole_and_torque_at_once():
-    """Both firings: roll and pitch; today's law exceeds a degree."""
-    found = execute("alsat1/firing-ours", Options(sets=[*JOINT, *DISTURBED]))
+@pytest.mark.parametrize(
+    "more",
+    [
+        (NO_MODEL,),
+        (OFF,),
+        (OFF, *IGRF, "magnetometer.bias_body=1e-6,1e-6,-1e-6"),
+    ],
+)
+def test_the_craft_stays_upright_with_bias_dipole_and_torque_at_once(more):
+    """Both firings: roll and pitch; without the joint filter they exceed a degree."""
+    found = execute("alsat1/firing-ours", Options(sets=[*DISTURBED, *more]))
     numbers = {k: n["value"] for k, n in found.manifest["numbers"].items()}
     assert max(numbers[k] for k in ("roll_1", "pitch_1", "roll_2", "pitch_2")) < 0.5
     assert numbers["on_time"] < 9500.0
@@ -260,9 +432,22 @@ def test_the_craft_stays_upright_with_bias_dipole_and_torque_at_once():
     assert not found.results.values("manager.filter_restarts").any()
 
 
-def test_defaults_give_the_bits_of_before():
+def test_a_coarse_field_model_does_little_harm():
+    """A dipole against a field of degree 13, beside none."""
+    sets = (*DISTURBED, "environment.field=igrf")
+    worst = []
+    for more in ((NO_MODEL,), ()):
+        found = execute(
+            "alsat1/firing-ours", Options(stop=60000.0, sets=[*sets, *more])
+        )
+        numbers = found.manifest["numbers"]
+        worst.append(max(numbers[k]["value"] for k in ("roll_1", "pitch_1")))
+    assert worst[1] < worst[0] + 0.1
+
+
+def test_separate_axes_give_the_bits_of_before():
     """Attitude, momentum and coils of a firing, as they were without the filter."""
-    options = Options(blocks=True, stop=400.0, sets=list(NEAR))
+    options = Options(blocks=True, stop=400.0, sets=[*NEAR, *SEPARATE])
     results = execute("alsat1/firing-ours", options).results
     digest = hashlib.sha256()
     for name in ("spacecraft.q_bi", "wheels.h_wheel", "torquers.on_time"):
@@ -280,6 +465,8 @@ def test_defaults_give_the_bits_of_before():
         ({"torque_noise": (1e-6, 0.0, 1e-6)}, "torque_noise must be above 0 about"),
         ({"lean_limit": 0.01}, "lean_total_limit = 0.0054 rad is below lean_limit"),
         ({"field_memory": 50.0}, "field_memory = 50 s is below ten samples of 10 s"),
+        ({"field_model": 2, "offset_spread": 0.0}, "offset_spread = 0: it must be"),
+        ({"field_model": 2, "epoch_j2000": -3.19e9}, "epoch_j2000 = -3190000000 s"),
         ({"axes_wheel": (0.0,) * 12}, "wheels = x_y_z: axes_wheel has no wheel along"),
     ],
 )

@@ -1,10 +1,12 @@
 from __future__ import annotations
 
+from collections.abc import Iterator
 from math import sqrt
 
 from ..bases.boom import NOTHING, X_AXIS, Y_AXIS, Z_AXIS, Boom
+from ..bases.earth_field import EarthField
 from ..contract.block import SMALL_ANGLE, Mat33, Output, Parameter, Table, Vec3, Vec4
-from ..laws import boom_filter, firing, orbit_momentum
+from ..laws import boom_filter, field_reference, firing, orbit_momentum
 from ..laws import gravity_gradient as laws
 from ..laws.craft_filter import UNSOUND
 from ..maths.attitude import (
@@ -23,15 +25,17 @@ from ..physics.wheel_array import body_momentum
 WHEELS_Z, WHEELS_YZ, WHEELS_XYZ = range(3)
 IDLE, CONTROLLING, FIRING = range(3)
 SEPARATE_AXES, JOINT = range(2)
-TORQUE_LIMIT = 5
+NO_MODEL, DIPOLE, IGRF = range(3)
+TORQUE_LIMIT, LEAN_LIMIT, CAPACITY = 5, 6, 7
 ENTRIES = 8
 NONE = -1
+TWO_PI = 6.283185307179586
 SURPRISE = 36.0  # innovation squared over its variance: six standard deviations
 SURPRISES = 5  # so many in a row, and the filter is lost
 NADIR: Vec3 = (0.0, 0.0, 1.0)  # of a craft that is aligned with the orbit, body
 
 
-class ManagerBoomFeedforward(Boom):
+class ManagerBoomFeedforward(Boom, EarthField):
     """One to three wheels keep a boom upright, and take what a firing gives while it
     gives it
 
@@ -83,16 +87,25 @@ class ManagerBoomFeedforward(Boom):
         M_i = -(g_i less +-dump_threshold B_rms) / (|B|^2 dump_time),   g = B x s
 
     in place of eq. 16 for axes that have wheels. Until the filter has run for
-    `settling_time`, h_eq and t0 count as zero and no momentum is dumped by coils. A
-    constant attitude error is taken for a torque. A filter that is lost starts anew
-    (`filter_restarts`): its innovation is beyond six standard deviations five samples in
-    a row, or its covariance is not that of anything. `attitude_gain`, `h_deadband` and
-    `gain_dump` of axes with wheels have no effect then.
+    `settling_time`, h_eq and t0 count as zero and no momentum is dumped by coils. A filter
+    that is lost starts anew (`filter_restarts`): its innovation is beyond six standard
+    deviations five samples in a row, or its covariance is not that of anything.
+    `attitude_gain`, `h_deadband` and `gain_dump` of axes with wheels have no effect then.
+
+    **A second reference.** A constant attitude error acts like a constant torque. With
+    `field_model` the direction of the measured field against that of a model of the
+    Earth's field shows the error, and the magnetometer's bias
+    (`components.laws.field_reference`); both are taken away. A model that does not fit the
+    field teaches next to nothing. Where the error is known so, the lean is zero within
+    `upright_time` of a known firing, since the error that the firing causes would add to it.
 
     Without a valid field, attitude or rate (see `reason`) the coils are off; the wheels
     hold the rate and still absorb the firing. Without a valid h nothing is dumped and
     the filter is not updated. `reason` is torque_limit where a wheel's torque would
-    have to exceed torque_limit.
+    have to exceed torque_limit; with the joint estimator also capacity where h_eq,
+    `dump_threshold` and the largest firing to come exceed `h_limit`, and lean_limit where
+    |t0_i| / K_i has exceeded `lean_total_limit` for an orbit, so that gravity cannot hold
+    the craft and coils must.
 
     Source: ours; eq. 16 of paper 002.
     """
@@ -273,6 +286,19 @@ class ManagerBoomFeedforward(Boom):
         max=0.5,
         usual=SMALL_ANGLE,
     )
+    h_limit: float = Parameter(
+        "N.m.s",
+        "momentum capacity of a wheel, joint estimator; 0: not known",
+        min=0.0,
+        follows="wheels.inertia_wheel * wheels.speed_limit",
+    )
+    upright_time: float = Parameter(
+        "s",
+        "how long before and after a known firing the craft does not lean; with a field model",
+        start=250.0,
+        min=0.0,
+        max=1e5,
+    )
     dump_threshold: float = Parameter(
         "N.m.s",
         "excess momentum across the field up to which no coil runs; joint estimator",
@@ -286,6 +312,42 @@ class ManagerBoomFeedforward(Boom):
         start=300.0,
         min=1.0,
         max=1e6,
+    )
+    field_model: int = Parameter(
+        "1",
+        "model of the field that finds a constant attitude error; joint estimator",
+        choices=("none", "dipole", "igrf"),
+        start="none",
+        needs=("b_body", "r_eci"),
+    )
+    field_noise: float = Parameter(
+        "T",
+        "deviation of a measured field from that of a model that fits, each axis",
+        start=1e-6,
+        min=1e-12,
+        max=1e-3,
+    )
+    field_bias_spread: float = Parameter(
+        "T",
+        "deviation of the magnetometer's bias, each axis; with a field model",
+        start=1e-6,
+        min=0.0,
+        max=1e-3,
+    )
+    offset_spread: float = Parameter(
+        "rad",
+        "deviation of the constant attitude error, each axis; with a field model",
+        start=8.726646259971648e-3,
+        min=0.0,
+        max=0.5,
+        usual=SMALL_ANGLE,
+    )
+    offset_walk: float = Parameter(
+        "rad",
+        "random walk of the attitude error: deviation of its change in 1 s, each axis",
+        start=1e-6,
+        min=0.0,
+        max=1e-2,
     )
     mode: int = Output(
         "1",
@@ -304,6 +366,8 @@ class ManagerBoomFeedforward(Boom):
             "no_rate",
             "no_momentum",
             "torque_limit",
+            "lean_limit",
+            "capacity",
         ),
     )
     tau_firing_body: Vec3 = Output(
@@ -322,6 +386,11 @@ class ManagerBoomFeedforward(Boom):
     )
     dipole_est_body: Vec3 = Output(
         "A.m2", "estimated residual dipole, body; joint estimator", interval=True
+    )
+    offset_est_body: Vec3 = Output(
+        "rad",
+        "estimated constant error of the measured attitude, body; with a field model",
+        interval=True,
     )
     h_excess_body: Vec3 = Output(
         "N.m.s",
@@ -374,6 +443,17 @@ class ManagerBoomFeedforward(Boom):
         if self.estimator == JOINT:
             self._check_joint()
         self._state, self._covariance = boom_filter.begin(ZERO, self._setting)
+        self._reference_setting = field_reference.Setting(
+            self.offset_spread,
+            self.offset_walk,
+            self.field_bias_spread,
+            self.field_noise,
+            self.field_memory,
+        )
+        self._reference, self._reference_covariance = field_reference.begin(
+            self._reference_setting
+        )
+        self.start_field(igrf=self.field_model == IGRF)
         self._field, self._field_variance = orbit_momentum.first_field()
         self._is_filtering = False  # whether the filter has had a measurement
         self._filter_time = 0.0  # s: how long it has run
@@ -381,8 +461,9 @@ class ManagerBoomFeedforward(Boom):
         self._field_before = self._dipole_before = self._firing_before = ZERO
         self._nadir_before = NADIR
         self._surprises = self.filter_restarts = 0
+        self._unbalanced_time = 0.0  # s: how long gravity has not taken the mean torque
         self.bias_est_body = self.tau_est_body = self.dipole_est_body = ZERO
-        self.h_excess_body = ZERO
+        self.h_excess_body = self.offset_est_body = ZERO
 
     def _check_joint(self) -> None:
         """Refuse parameters of the joint estimator that make no sense together."""
@@ -409,11 +490,31 @@ class ManagerBoomFeedforward(Boom):
                     f"{name}_walk = {walk:g} is above {name}_spread = {spread:g}: it "
                     "would be forgotten within a second"
                 )
+        if self.field_model != NO_MODEL and self.offset_spread <= 0.0:
+            self.fail(
+                "field_model is given and offset_spread = 0: it must be above 0, else no "
+                "attitude error is looked for"
+            )
         if self.field_memory < 10.0 * self.sample_time:
             self.fail(
                 f"field_memory = {self.field_memory:g} s is below ten samples of "
                 f"{self.sample_time:g} s, from which no orbit is learnt"
             )
+
+    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+        """Yield the problems known before a run: also a wheel that is too small."""
+        if self.estimator == JOINT:
+            self.covered(begin, end, self.field_model == IGRF)
+            required = self._required_capacity(begin, ZERO)
+            if 0.0 < self.h_limit < required:
+                yield (
+                    f"h_limit = {self.h_limit:g} N m s: the largest firing, the bias and "
+                    f"dump_threshold need {required:.2g} N m s, without what an orbit gives "
+                    "and takes back"
+                )
+        elif self.field_model != NO_MODEL:
+            yield "field_model has no effect: estimator = separate_axes takes none"
+        yield from super().foresee(begin, end, wired)
 
     def _check_schedule(self) -> None:
         """Refuse firings that do not begin at a sample or that overlap."""
@@ -556,7 +657,7 @@ class ManagerBoomFeedforward(Boom):
                     self._state,
                     self._covariance,
                     self._interval(h, elapsed),
-                    self.q_bi,
+                    self._q_measured(),
                     self.omega_bi_body,
                     self._setting,
                 )
@@ -569,6 +670,8 @@ class ManagerBoomFeedforward(Boom):
                 self.filter_restarts += 1
                 self._is_filtering = False
                 self._resume()
+            if self.field_model != NO_MODEL:
+                self._find_offset(t, elapsed)
         x = self._state
         self.bias_est_body = boom_filter.bias_of(x)
         self.tau_est_body = boom_filter.torque_of(x)
@@ -588,7 +691,43 @@ class ManagerBoomFeedforward(Boom):
             self._state, self._covariance = boom_filter.resume(
                 self._state, self._covariance, self.omega_bi_body, self._setting
             )
-        self._q = self.q_bi
+        self._q = self._q_measured()
+
+    def _q_measured(self) -> Vec4:
+        """Return the measured attitude less its estimated error."""
+        if self.field_model == NO_MODEL:
+            return self.q_bi
+        return propagated(self.q_bi, scale(-1.0, self.offset_est_body), 1.0)
+
+    def _b_measured(self) -> Vec3:
+        """Return the measured field (T, body) less the magnetometer's estimated bias."""
+        return sub(self.b_body, field_reference.bias_of(self._reference))
+
+    def _find_offset(self, t: float, elapsed: float) -> None:
+        """Find the attitude's constant error at t (s) by the field, and take it away.
+
+        elapsed: time (s) since the last sample.
+        """
+        model = self.field_eci(self.r_eci, t, igrf=self.field_model == IGRF)
+        self._reference, self._reference_covariance = field_reference.update(
+            self._reference,
+            self._reference_covariance,
+            self.b_body,
+            rotate(self._q, model),
+            elapsed,
+            self._reference_setting,
+        )
+        offset = field_reference.offset_of(self._reference)
+        c = matrix(product(self._q, inverse(self.q_ref_bi)))
+        self._q, self._state = boom_filter.turn(
+            self._q,
+            self._state,
+            sub(offset, self.offset_est_body),
+            (c[2], c[5], c[8]),
+            norm(self.omega_ref_body),
+            self.inertia,
+        )
+        self.offset_est_body = offset
 
     def _interval(self, h: Vec3, elapsed: float) -> boom_filter.Interval:
         """Return the conditions since the last sample, elapsed (s) ago.
@@ -600,7 +739,7 @@ class ManagerBoomFeedforward(Boom):
         return boom_filter.Interval(
             elapsed,
             self._dipole_before,
-            scale(0.5, add(self._field_before, self.b_body)),
+            scale(0.5, add(self._field_before, self._b_measured())),
             self._nadir_before,
             norm(self.omega_ref_body),
             self._h_before,
@@ -635,13 +774,86 @@ class ManagerBoomFeedforward(Boom):
         self._field, self._field_variance = orbit_momentum.learn_field(
             self._field,
             self._field_variance,
-            rotate_back(q, self.b_body),
+            rotate_back(q, self._b_measured()),
             self._phase,
             retention,
         )
 
-    def _lean_and_excess(self, h: Vec3) -> Vec3:
-        """Return the lean (rad) of each axis; also set `h_excess_body`.
+    def _must_be_upright(self, t: float) -> bool:
+        """Return whether the lean is to be zero at t (s): a known firing is near.
+
+        Without a field model the lean may be what corrects the attitude's error.
+        """
+        if not self.feedforward or self.field_model == NO_MODEL:
+            return False
+        for i in range(ENTRIES):
+            start, duration = self.schedule_start[i], self.schedule_duration[i]
+            begin, end = start - self.upright_time, start + duration + self.upright_time
+            if duration > 0.0 and begin <= t < end:
+                return True
+        return False
+
+    def _orbit_torque(self, n: float) -> orbit_momentum.OrbitTorque:
+        """Return the torque that is known over an orbit; n: its rate (rad/s)."""
+        aligned_rate: Vec3 = (0.0, -n, 0.0)
+        aligned_torque = sub(
+            laws.gravity_vector_torque(NADIR, self.inertia, n),
+            cross(aligned_rate, mat_vec(self.inertia, aligned_rate)),
+        )
+        return orbit_momentum.torque_over_orbit(
+            self._field,
+            add(self.tau_est_body, aligned_torque),
+            self.dipole_est_body,
+        )
+
+    def _check_balance(
+        self, t: float, limited: bool, torque: orbit_momentum.OrbitTorque, n: float
+    ) -> None:
+        """Set `reason` where leans or wheels do not suffice for what is known at t (s).
+
+        limited: whether the lean is; torque: over an orbit, less what a lean takes of it;
+        n: rate of the orbit (rad/s).
+        """
+        self._unbalanced_time = (
+            self._unbalanced_time + self.sample_time if limited else 0.0
+        )
+        if self.reason != NOTHING:
+            return
+        periodic = orbit_momentum.periodic_size(torque, n, self._has[0] > 0.0)
+        if 0.0 < self.h_limit < self._required_capacity(t, periodic):
+            self.reason = CAPACITY
+        elif self._unbalanced_time * n > TWO_PI:
+            self.reason = LEAN_LIMIT
+
+    def _required_capacity(self, t: float, periodic: Vec3) -> float:
+        """Return the momentum (N m s) that a wheel must be able to hold from t (s) on.
+
+        It has what the coils leave, the bias, the periodic momentum (N m s, body) and the
+        largest firing to come.
+        """
+        x, y, z = ZERO
+        for i in range(ENTRIES):
+            duration = self.schedule_duration[i]
+            if self.schedule_start[i] + duration > t:
+                a, b, c = self.schedule_tau_body[3 * i : 3 * i + 3]
+                x, y, z = (
+                    max(x, abs(a) * duration),
+                    max(y, abs(b) * duration),
+                    max(z, abs(c) * duration),
+                )
+        largest = 1.0 + self.firing_uncertainty
+        has, bias, threshold = self._has, self.h_target_body, self.dump_threshold
+        x = has[0] * (largest * x + periodic[0] + abs(bias[0]) + threshold)
+        y = has[1] * (largest * y + periodic[1] + abs(bias[1]) + threshold)
+        z = has[2] * (largest * z + periodic[2] + abs(bias[2]) + threshold)
+        required = 0.0
+        for i in range(4):
+            p, q, r = self._to_wheels[3 * i : 3 * i + 3]
+            required = max(required, abs(p) * x + abs(q) * y + abs(r) * z)
+        return required
+
+    def _lean_and_excess(self, t: float, h: Vec3) -> Vec3:
+        """Return the lean (rad) of each axis at t (s); also set `h_excess_body`.
 
         h: the wheels' momentum less its target (N m s, body).
         """
@@ -649,16 +861,7 @@ class ManagerBoomFeedforward(Boom):
         equilibrium = ZERO
         periodic = ZERO
         if self._filter_time >= self.settling_time and n > 0.0:
-            aligned_rate: Vec3 = (0.0, -n, 0.0)
-            aligned_torque = sub(
-                laws.gravity_vector_torque(NADIR, self.inertia, n),
-                cross(aligned_rate, mat_vec(self.inertia, aligned_rate)),
-            )
-            torque = orbit_momentum.torque_over_orbit(
-                self._field,
-                add(self.tau_est_body, aligned_torque),
-                self.dipole_est_body,
-            )
+            torque = self._orbit_torque(n)
             k = orbit_momentum.stiffness(self.inertia, n)
             mean = torque.mean
             equilibrium = (
@@ -666,17 +869,20 @@ class ManagerBoomFeedforward(Boom):
                 has[1] * mean[1] / k[1] if k[1] > 0.0 else 0.0,
                 0.0,
             )
-            net_mean = orbit_momentum.compute_net_torque(
-                mean, k, clip(equilibrium, self.lean_total_limit)
+            limited = clip(equilibrium, self.lean_total_limit)
+            remaining = orbit_momentum.OrbitTorque(
+                orbit_momentum.compute_net_torque(mean, k, limited),
+                torque.cosine,
+                torque.sine,
             )
             periodic = orbit_momentum.periodic_momentum(
-                orbit_momentum.OrbitTorque(net_mean, torque.cosine, torque.sine),
-                self._phase,
-                n,
-                has[0] > 0.0,
+                remaining, self._phase, n, has[0] > 0.0
             )
+            self._check_balance(t, limited != equilibrium, remaining, n)
         x, y, z = sub(h, periodic) if self.valid_h else ZERO
         self.h_excess_body = (has[0] * x, has[1] * y, has[2] * z)
+        if self._must_be_upright(t):
+            return ZERO
         x, y, _ = clip(scale(self.gain_lean, self.h_excess_body), self.lean_limit)
         return clip(
             (equilibrium[0] + x, equilibrium[1] + y, 0.0), self.lean_total_limit
@@ -688,7 +894,7 @@ class ManagerBoomFeedforward(Boom):
             return ZERO
         return orbit_momentum.dump_dipole(
             self.h_excess_body,
-            self.b_body,
+            self._b_measured(),
             self.dump_threshold,
             orbit_momentum.field_size(self._field),
             self.dump_time,
@@ -737,10 +943,10 @@ class ManagerBoomFeedforward(Boom):
         nadir: Vec3 = (c[2], c[5], c[8])
         turning = sub(omega, rotate(q, self.omega_ref_body))
         self._follow_orbit(q, elapsed)
-        lean = self._lean_and_excess(self.momentum())
+        lean = self._lean_and_excess(t, self.momentum())
         x, y, z = add(self._dipole(nadir, turning, ZERO), self._economical_dipole())
         m: Vec3 = (self._pulsed(x), self._pulsed(y), self._pulsed(z))
-        magnetic = cross(add(m, self.dipole_est_body), self.b_body)
+        magnetic = cross(add(m, self.dipole_est_body), self._b_measured())
         gravity = laws.gravity_vector_torque(
             nadir, self.inertia, norm(self.omega_ref_body)
         )
@@ -752,7 +958,7 @@ class ManagerBoomFeedforward(Boom):
         theta = sub(laws.rotation_vector(q), lean)
         self.mode = FIRING if on > 0.0 else CONTROLLING
         self.give(m, self._within(sub(self._pd(theta, turning), compensation)))
-        self._field_before, self._dipole_before = self.b_body, m
+        self._field_before, self._dipole_before = self._b_measured(), m
         self._nadir_before, self._firing_before = nadir, expected
 
     def hold(self, t: float) -> Vec3:

@@ -16,7 +16,8 @@ and begins anew at zero. Linear about the estimate, with [a] the matrix of a x,
 
 The attitude measures theta and the gyro omega + b, six numbers one after the other. b, d
 and m_r are random walks. A constant attitude error acts on gravity's torque like a
-constant d, so the two cannot be told apart.
+constant d, so the two cannot be told apart here; `field_reference` finds it, and `turn`
+takes what it finds.
 
 Source: ours; the attitude error as in Lefferts, Markley & Shuster, Kalman filtering for
 spacecraft attitude estimation, J. Guidance, Control, and Dynamics 5 (1982) 417.
@@ -30,7 +31,7 @@ from typing import NamedTuple
 from ..contract.block import Mat33, Table, Vec3, Vec4
 from ..maths import kalman, matrix
 from ..maths.attitude import inverse, product, propagated
-from ..maths.vector import IDENTITY, ZERO, add, cross, mat_vec, scale
+from ..maths.vector import IDENTITY, ZERO, add, cross, mat_vec, scale, sub
 from . import firing
 from .craft_filter import UNSOUND, surprise
 from .gravity_gradient import gravity_vector_torque, rotation_vector
@@ -152,6 +153,50 @@ def torque_of(x: Table) -> Vec3:
 def dipole_of(x: Table) -> Vec3:
     """Return the residual dipole m_r (A m2, body)."""
     return (x[12], x[13], x[14])
+
+
+def turn(
+    q: Vec4, x: Table, change: Vec3, nadir: Vec3, orbit_rate: float, inertia: Mat33
+) -> tuple[Vec4, Table]:
+    """Return attitude and state where the measured attitude's known error changes.
+
+    The rate turns with the attitude, the bias is what it leaves of the gyro's rate, and
+    the torque is what gravity and the turning craft leave of the total. Momentum of wheels
+    is not counted, as its mean is small.
+
+    Parameters
+    ----------
+    q : Vec4
+        Attitude estimate, inertial to body.
+    x : Table
+        State (15).
+    change : Vec3
+        Change of the known error (rad, body), by which attitudes turn back.
+    nadir : Vec3
+        Direction of nadir (1, body) of this attitude, before.
+    orbit_rate : float
+        Rate of the orbit (rad/s).
+    inertia : Mat33
+        Of the craft (kg m2).
+    """
+    omega = rate_of(x)
+    moved = add(omega, cross(change, omega))
+    before = sub(
+        gravity_vector_torque(nadir, inertia, orbit_rate),
+        cross(omega, mat_vec(inertia, omega)),
+    )
+    after = sub(
+        gravity_vector_torque(add(nadir, cross(change, nadir)), inertia, orbit_rate),
+        cross(moved, mat_vec(inertia, moved)),
+    )
+    state = [0.0] * STATES
+    for i in range(STATES):
+        state[i] = x[i]
+    for i in range(3):
+        state[RATE + i] = moved[i]
+        state[BIAS + i] += omega[i] - moved[i]
+        state[TORQUE + i] += before[i] - after[i]
+    return propagated(q, scale(-1.0, change), 1.0), tuple(state)
 
 
 def update(

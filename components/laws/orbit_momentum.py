@@ -171,6 +171,18 @@ def periodic_momentum(
     )
 
 
+def periodic_size(torque: OrbitTorque, n: float, has_roll_wheel: bool) -> Vec3:
+    """Return the largest size of the periodic momentum (N m s), n in rad/s."""
+    mean, even, odd = torque.mean, torque.cosine, torque.sine
+    y = sqrt(even[1] * even[1] + odd[1] * odd[1]) / n
+    if not has_roll_wheel:
+        return (0.0, y, sqrt(even[2] * even[2] + odd[2] * odd[2]) / n)
+    p = 0.5 * (even[0] + odd[2])
+    q = 0.5 * (even[2] - odd[0])
+    turning = 0.5 * sqrt(p * p + q * q)
+    return ((abs(mean[2]) + turning) / n, y, (abs(mean[0]) + turning) / n)
+
+
 def dump_dipole(
     excess: Vec3, b: Vec3, threshold: float, reference: float, time: float
 ) -> Vec3:
