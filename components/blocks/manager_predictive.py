@@ -538,10 +538,8 @@ class ManagerPredictive(MomentumDumping, EarthField):
         else:
             b = rotate_back(q, self.b_body)
             causes = self._causes(passed, q, b)
-            if self._limit_thrust(passed, q, h, causes, noise):
-                self._restart(h, noise)
-            else:
-                self._learn(passed, h, causes, noise, gravity_torque)
+            tested = self._limit_thrust(passed, q, h, causes, noise)
+            self._learn(passed, h, causes, noise, gravity_torque, tested)
         self._known = t
         x = self._seen = learning.judge(self._x, self._p)
         self.gravity_scale = x[learning.GRAVITY]
@@ -556,11 +554,18 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._p = learning.forgotten(self._p, noise)
 
     def _learn(
-        self, passed: float, h: Vec3, causes: Table, noise: float, gravity_torque: float
+        self,
+        passed: float,
+        h: Vec3,
+        causes: Table,
+        noise: float,
+        gravity_torque: float,
+        tested: Vec3,
     ) -> None:
         """Update the filter by the momentum h (N m s, eci), measured with `noise`.
 
-        passed (s): time since the last sample; gravity_torque: n^2 J (N m).
+        passed (s): time since the last sample; gravity_torque: n^2 J (N m); tested: of
+        `_limit_thrust`.
         """
         _, orbit = self._motion()
         found = learning.innovation(self._x, h, causes)
@@ -573,7 +578,8 @@ class ManagerPredictive(MomentumDumping, EarthField):
         rounding = self._rounding()
         unexplained = found
         for j in range(3):
-            along = min(max(dot(found, axes[j]), -rounding[j]), rounding[j])
+            most = rounding[j] + tested[j]
+            along = min(max(dot(found, axes[j]), -most), most)
             unexplained = sub(unexplained, scale(along, axes[j]))
         self._evidence = learning.gather(
             self._evidence, self._p, unexplained, causes, passed, orbit
@@ -596,9 +602,9 @@ class ManagerPredictive(MomentumDumping, EarthField):
             noise,
             unmodelled * sqrt(orbit * passed / 3.0),
             (
-                scale(lasting * rounding[0], axes[0]),
-                scale(lasting * rounding[1], axes[1]),
-                scale(lasting * rounding[2], axes[2]),
+                scale(lasting * rounding[0] + tested[0], axes[0]),
+                scale(lasting * rounding[1] + tested[1], axes[1]),
+                scale(lasting * rounding[2] + tested[2], axes[2]),
             ),
             self._deviations,
             DRIFT * sqrt(passed / orbit),
@@ -633,16 +639,17 @@ class ManagerPredictive(MomentumDumping, EarthField):
 
     def _limit_thrust(
         self, passed: float, q: Vec4, h: Vec3, causes: Table, noise: float
-    ) -> bool:
+    ) -> Vec3:
         """Learn the largest torque about each axis from the firings of the last sample.
 
-        Returns whether one of them tested it, so that the sample teaches nothing else.
-        Arguments as of `_learn`; q is the attitude now.
+        Returns the impulses (N m s, body) that may be missing where a firing tested it,
+        so that the sample teaches nothing else about this axis. Arguments as of
+        `_learn`; q is the attitude now.
         """
         found = rotate(q, learning.innovation(self._x, h, causes))
         expected, fired = self._reached(), self._thrust
         limits, deviations, bounds = [0.0] * 3, [0.0] * 3, [0.0] * 3
-        has_test = False
+        missing = [0.0] * 3
         for j in range(3):
             limits[j], deviations[j] = self.thruster_limit[j], self._limit_deviation[j]
             bounds[j] = self._limit_bound[j]
@@ -663,12 +670,13 @@ class ManagerPredictive(MomentumDumping, EarthField):
                 limits[j], deviations[j] = thrust_limit.correct(
                     limits[j], deviations[j], share, error
                 )
-            has_test = has_test or tested
+            if tested:
+                missing[j] = passed * abs(fired[j])
             bounds[j] = thrust_limit.raise_bound(bounds[j], command, share, error)
         self.thruster_limit = (limits[0], limits[1], limits[2])
         self._limit_deviation = (deviations[0], deviations[1], deviations[2])
         self._limit_bound = (bounds[0], bounds[1], bounds[2])
-        return has_test
+        return (missing[0], missing[1], missing[2])
 
     def _momentum_noise(self, inertia: float, total: float) -> float:
         """Return the standard deviation of the measured momentum H (N m s).

@@ -66,7 +66,8 @@ EVIDENCE = RECENT + 1
 # craft's own dipole.
 MOST = 1.1
 SPREAD_GRAVITY = 0.3  # prior standard deviation of s (1)
-SPREAD_ACTUATOR = 0.5  # prior standard deviation of e and f (1)
+SPREAD_ACTUATOR = 0.5  # prior standard deviation of e (1)
+SPREAD_THRUSTER = 0.01  # prior standard deviation of f (1)
 
 
 def first_state(h: Vec3) -> Table:
@@ -93,7 +94,7 @@ def spreads(torque: float, dipole: float, noise: float) -> Table:
     for i in range(DIPOLE, COILS):
         deviations[i] = dipole
     for i in range(COILS, WAVES):
-        deviations[i] = SPREAD_ACTUATOR
+        deviations[i] = SPREAD_ACTUATOR if i < THRUSTERS else SPREAD_THRUSTER
     return tuple(deviations)
 
 
@@ -173,7 +174,7 @@ def update(
     for i in range(STATES * STATES):
         covariance[i] = p[i]
     if doubted >= 0:
-        spread = deviations[doubted]
+        spread = max(deviations[doubted], SPREAD_ACTUATOR)
         covariance[STATES * doubted + doubted] += spread * spread
     _predict(state, covariance, effects, walk, deviations, drift)
     for row in range(MOMENTUM_STATES):
