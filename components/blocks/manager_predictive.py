@@ -7,7 +7,13 @@ from ..bases.dumping import DUMPING, FALLBACK, IDLE, MomentumDumping
 from ..bases.earth_field import EarthField
 from ..contract.block import Mat33, Mat34, Output, Parameter, Table, Vec3, Vec4
 from ..contract.fitting import Law, Need
-from ..laws import cross_product, predictive, receding_horizon, thrust_limit
+from ..laws import (
+    attitude_error,
+    cross_product,
+    predictive,
+    receding_horizon,
+    thrust_limit,
+)
 from ..laws import disturbance_learning as learning
 from ..laws.blending import Split
 from ..laws.integrated import null_torque, null_vector
@@ -234,6 +240,19 @@ class ManagerPredictive(MomentumDumping, EarthField):
         "orbit_dipole: amplitudes along velocity, minus orbit normal, nadir",
         start=(23e-6, 2.4e-6, 46e-6),
     )
+    field_spread: float = Parameter(
+        "1",
+        "goal empty: error of the model's field across it, relative, standard deviation; "
+        "0: the attitude is taken as it is",
+        start=0.02,
+        min=0.0,
+    )
+    field_noise: float = Parameter(
+        "T",
+        "standard deviation of a component of the measured field",
+        start=3e-7,
+        min=1e-10,
+    )
     h_noise: float = Parameter(
         "N.m.s", "standard deviation of a measured wheel momentum", start=1e-4, min=0.0
     )
@@ -295,6 +314,10 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._limit_bound = ZERO
         self._q: Vec4 = (0.0, 0.0, 0.0, 1.0)
         self._r = self._v = ZERO
+        self._error: Table = (0.0,) * attitude_error.STATES
+        self._error_p = attitude_error.first_covariance(self.field_spread)
+        self._correction: Vec4 = (0.0, 0.0, 0.0, 1.0)
+        self._misaligned = False
         self._fields = self._models = 0.0
         self._field_scale = 1.0
         self._planned = -1.0
@@ -405,6 +428,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
             return nothing
         lvlh = lvlh_attitude(self.r_eci, self.v_eci)
         q = product(self._q_bo, lvlh) if assumed else self.q_bi
+        q = self._corrected(t, q)
         size2 = dot(self.r_eci, self.r_eci)
         turn = scale(1.0 / size2, cross(self.r_eci, self.v_eci))
         orbital = rotate(q, turn)
@@ -442,6 +466,34 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._coils = to_wheels(self._to_coils, m)
         dipole = self._effective_dipole(self._coils)
         return add(cross(dipole, mean), self._effective_thrust()), (m, n_t)
+
+    def _corrected(self, t: float, q: Vec4) -> Vec4:
+        """Return the attitude q corrected by its constant error, where significant.
+
+        Learn the error from the field measured at t (s), goal empty only. What is
+        stored of the last sample (eci) is corrected by the change of the error.
+        """
+        if self.goal != EMPTY or self.field_spread <= 0.0:
+            return q
+        if self.valid_b:
+            model = rotate(q, self._field(self.r_eci, self.v_eci, t))
+            self._error, self._error_p = attitude_error.update(
+                self._error, self._error_p, self.b_body, model, self.field_noise
+            )
+        self._misaligned = self._misaligned or attitude_error.is_significant(
+            self._error, self._error_p
+        )
+        if not self._misaligned:
+            return q
+        correction = attitude_error.rotation(self._error)
+        before = self._q
+        self._q = product(product(correction, inverse(self._correction)), before)
+        self._b_eci = rotate_back(self._q, rotate(before, self._b_eci))
+        self._gravity = rotate_back(self._q, rotate(before, self._gravity))
+        h = rotate_back(self._q, rotate(before, learning.vector(self._x, 0)))
+        self._x = (*h, *self._x[3:])
+        self._correction = correction
+        return product(correction, q)
 
     def _period(self) -> float:
         """Return the time (s) from plan to plan, a multiple of the sample time."""
