@@ -65,6 +65,10 @@ NULL_MOMENTUM = 2.0
 BINS = 8  # parts of an orbit whose largest wheel momenta are stored
 # Relative difference of measured and model field beyond which the law falls back.
 FIELD_MISMATCH = 0.3
+# Goal empty: weight of `field_noise` in measurements against the noise that is seen, and
+# least number of measurements from which an error of the attitude is corrected.
+NOISE_WEIGHT = 0.3
+FEWEST_MEASUREMENTS = 2.0
 AXES: tuple[Vec3, Vec3, Vec3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 AT_1, AT_2 = 0.21132486540518713, 0.7886751345948129  # Gauss points
 
@@ -250,7 +254,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
     field_noise: float = Parameter(
         "T",
         "standard deviation of a component of the measured field",
-        start=3e-7,
+        start=1e-6,
         min=1e-10,
     )
     h_noise: float = Parameter(
@@ -318,6 +322,8 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._error_p = attitude_error.first_covariance(self.field_spread)
         self._correction: Vec4 = (0.0, 0.0, 0.0, 1.0)
         self._misaligned = False
+        self._field_variance = self.field_noise * self.field_noise
+        self._measurements = 0.0
         self._fields = self._models = 0.0
         self._field_scale = 1.0
         self._planned = -1.0
@@ -477,11 +483,18 @@ class ManagerPredictive(MomentumDumping, EarthField):
             return q
         if self.valid_b:
             model = rotate(q, self._field(self.r_eci, self.v_eci, t))
-            self._error, self._error_p = attitude_error.update(
-                self._error, self._error_p, self.b_body, model, self.field_noise
+            variance = self._field_variance
+            self._error, self._error_p, ratio = attitude_error.update(
+                self._error, self._error_p, self.b_body, model, sqrt(variance)
             )
-        self._misaligned = self._misaligned or attitude_error.is_significant(
-            self._error, self._error_p
+            # the first measurement shows the error, the next ones the noise
+            if self._measurements >= 1.0:
+                share = 1.0 / (self._measurements + NOISE_WEIGHT)
+                self._field_variance *= 1.0 + share * (ratio - 1.0)
+            self._measurements += 1.0
+        self._misaligned = self._misaligned or (
+            self._measurements >= FEWEST_MEASUREMENTS
+            and attitude_error.is_significant(self._error, self._error_p)
         )
         if not self._misaligned:
             return q

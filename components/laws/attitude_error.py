@@ -26,7 +26,7 @@ from .predictive import inverse_of_lower, root
 ANGLES = 3  # theta, with which x begins
 STATES = 6
 SPREAD_ANGLE = 0.1  # rad, prior standard deviation of theta about each axis
-SIGNIFICANT = 3.5  # standard deviations from which an error counts
+SIGNIFICANT = 3.0  # standard deviations from which an error counts
 
 
 def first_covariance(field_spread: float) -> Table:
@@ -49,8 +49,10 @@ def rotation(x: Table) -> Vec4:
 
 def update(
     x: Table, p: Table, measured: Vec3, model: Vec3, noise: float
-) -> tuple[Table, Table]:
-    """Return (x, P) after a measurement.
+) -> tuple[Table, Table, float]:
+    """Return (x, P) after a measurement, and how large its innovation is.
+
+    The latter is the mean square of the innovation over its expected variance (1).
 
     Parameters
     ----------
@@ -74,6 +76,7 @@ def update(
     ex, ey, ez = expected
     slopes = (0.0, -ez, ey, ez, 0.0, -ex, -ey, ex, 0.0)
     product = [0.0] * STATES
+    squares = 0.0
     for row in range(3):
         innovation = found[row]
         for j in range(ANGLES):
@@ -86,8 +89,10 @@ def update(
         total = variance + product[ANGLES + row]
         for j in range(ANGLES):
             total += slopes[3 * row + j] * product[j]
+        squares += innovation * innovation / total
         kalman.correct_first(state, covariance, product, innovation, total, ANGLES)
-    return tuple(state), tuple(covariance)
+    # two axes are across the field
+    return tuple(state), tuple(covariance), 0.5 * squares
 
 
 def is_significant(x: Table, p: Table) -> bool:
