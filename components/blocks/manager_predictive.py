@@ -109,9 +109,9 @@ class ManagerPredictive(MomentumDumping, EarthField):
     constant in eci, constant in lvlh or periodic in lvlh with the orbit, the craft's
     own dipole, and the signed `effectiveness` of each coil and thruster axis. The plan
     thus allows for a coil that is lost, weak or reversed. A coil counts as whole until
-    its loss is likely; a torque that comes in pulses makes the filter slower and no coil
-    lost. The filter takes its noise from the sensors: `h_noise`, `rate_noise` and
-    `attitude_noise`. `laws/predictive.py`
+    its loss is likely; it is then dead, turned or has another share. A torque that
+    comes in pulses makes the filter slower and no coil lost. The filter takes its noise
+    from the sensors: `h_noise`, `rate_noise` and `attitude_noise`. `laws/predictive.py`
     has the solver.
 
     Thrusters that are weaker than `tau_level` still give small commands in full. The
@@ -119,13 +119,20 @@ class ManagerPredictive(MomentumDumping, EarthField):
     are cut short, with its standard deviation (`laws/thrust_limit.py`). Plans to empty
     use what is certain: the estimate less one standard deviation, one half at first, or
     what a firing has shown. Only the first interval of a plan may use the estimate. A
-    firing beyond what is certain teaches this limit and nothing else.
+    firing beyond what is certain teaches this limit and nothing else about its axis.
+
+    With `goal` empty a constant error of the attitude (body) is learnt from the
+    direction of the measured field (`laws/attitude_error.py`), and corrected where it is
+    beyond three standard deviations. The model's field may err by `field_spread`,
+    relative and across it; a larger error of a poor model looks like one of the
+    attitude. The noise of the field begins at `field_noise` and follows from the
+    measurements.
 
     Where the measured field differs from the model by more than 0.3 of it, or a plan to
     hold has not converged after 30 steps, `mode` is fallback: M = n (h x B) / |B|^2,
     the cross-product law, until the next plan. If the optimiser of a plan to empty has
-    not converged after 320 steps, its last iterate is flown. Without a valid field
-    there is no dipole; without a valid attitude nothing is commanded. The wheels are
+    not converged after four stages of 80 trials, its last iterate is flown. Without a
+    valid field there is no dipole; without a valid attitude nothing is commanded. The wheels are
     commanded as by `manager_cross_product`. Their momentum in the null space, which no
     coil can remove, decays at `null_gain`, or at the rate n, to twice the largest
     momentum that a wheel had otherwise in the last orbit. This residual keeps the

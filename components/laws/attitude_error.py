@@ -12,7 +12,7 @@ long as the field has not turned. Therefore e is a considered state (Schmidt): i
 never corrected, and its prior deviation stays in the deviation of theta. The size of the
 field has no effect.
 
-A Kalman filter has the state x = (theta, e), its derivative taken at the estimate.
+A Kalman filter has the state x = (theta, e).
 """
 
 from __future__ import annotations
@@ -70,10 +70,12 @@ def update(
         covariance[i] = p[i]
     size = max(norm(measured), 1e-12)
     expected = rotate(rotation(x), scale(1.0 / max(norm(model), 1e-12), model))
-    found = sub(scale(1.0 / size, measured), expected)
+    direction = scale(1.0 / size, measured)
+    found = sub(direction, expected)
     variance = (noise / size) * (noise / size)
-    # the columns of [expected]x, and so the derivative by theta
-    ex, ey, ez = expected
+    # [direction]x, the derivative by theta: taken at the measured direction, as an
+    # expected one that moves with the estimate would seem to show the third axis
+    ex, ey, ez = direction
     slopes = (0.0, -ez, ey, ez, 0.0, -ex, -ey, ex, 0.0)
     product = [0.0] * STATES
     squares = 0.0

@@ -21,9 +21,10 @@ uncertain parameters explain, is the size of such a torque and sets the process 
 that size is remembered for an orbit (`gather`). An actuator is lost where the
 innovations follow its command: where over a third of an orbit a change of its
 effectiveness explains `EXPLAINED` of their power, and more than a constant torque or a
-dipole (`find_failure`). Its effectiveness then becomes as uncertain as at first. For
-use, a coil has either failed, with a prior probability of `FAILED`, or has e = 1
-(`judge`).
+dipole (`find_failure`). Its effectiveness then becomes as uncertain as that of a coil
+at first; before that, thrusters are known to `SPREAD_THRUSTER`. For use, a coil has
+e = 1 or, with a prior probability of `FAILED`, has failed and is dead, turned or has
+another effectiveness (`judge`).
 
 Fault detection by a momentum balance: Willsky, Automatica 12 (1976) 601.
 """
