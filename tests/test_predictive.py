@@ -123,38 +123,36 @@ def test_emptying_takes_hardly_more_than_the_linear_programme(seed: int) -> None
     assert least.fun - 0.02 <= fee @ np.abs(ours) <= least.fun + 0.05
 
 
-@pytest.mark.parametrize("later", [5.0, 10.0])
-def test_plans_to_empty_converge(later: float) -> None:
-    """From any sample on, with thrusters that are certain to half, and two coils."""
-    draw, tau = np.random.default_rng(7), 0.04
-    for _ in range(40):
-        count, phase = int(draw.integers(2, 60)), draw.uniform(0.0, 6.0)
-        x0 = draw.normal(size=3)
-        x0 *= 0.04 * min(count, 50) / np.linalg.norm(x0)
-        effect = np.zeros((N, 6, 3))
-        for k in range(count):
-            u = phase + 2.0 * math.pi * 10.0 * k / 5860.0
-            b = np.array([23e-6 * math.cos(u), 2.4e-6, 46e-6 * math.sin(u)])
-            turn = 0.0107 * k
-            c, s = math.cos(turn), math.sin(turn)
-            to_eci = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-            coils = 10.0 * np.cross(np.diag([1.0, 0.0, 1.0]), b)
-            effect[k] = np.concatenate([coils, tau * np.eye(3)]) @ to_eci.T
-        longest = np.full((N, 3), later)
-        longest[0] = 10.0
-        _, _, settled = predictive.plan_unloading(
-            count,
-            tuple(x0),
-            tuple(map(tuple, effect.reshape(-1, 3).tolist())),
-            2e-3,
-            (36.0,) * 3,
-            tuple((1.0 - 1e-3 * np.arange(N) / count).tolist()),
-            tuple(longest.ravel().tolist()),
-            10.0 / (tau * tau * 0.05),
-            2e-5,
-            12.5,
-        )
-        assert settled
+@pytest.mark.parametrize("seed", [492, 1639, 2232, 3805, 4250])
+def test_plans_to_empty_converge(seed: int) -> None:
+    """Samples in which steps that are only halved do not converge."""
+    draw, tau = np.random.default_rng(seed), 0.04
+    count, phase = int(draw.integers(2, 60)), draw.uniform(0.0, 6.0)
+    x0 = draw.normal(size=3)
+    x0 *= 0.04 * min(count, 50) / np.linalg.norm(x0)
+    effect = np.zeros((N, 6, 3))
+    for k in range(count):
+        u = phase + 2.0 * math.pi * 10.0 * k / 5860.0
+        b = np.array([23e-6 * math.cos(u), 2.4e-6, 46e-6 * math.sin(u)])
+        c, s = math.cos(0.0107 * k), math.sin(0.0107 * k)
+        to_eci = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+        coils = 10.0 * np.cross(np.eye(3), b)
+        effect[k] = np.concatenate([coils, tau * np.eye(3)]) @ to_eci.T
+    longest = np.full((N, 3), 5.0)
+    longest[0] = 10.0
+    _, _, settled = predictive.plan_unloading(
+        count,
+        tuple(x0.tolist()),
+        tuple(map(tuple, effect.reshape(-1, 3).tolist())),
+        2e-3,
+        (36.0,) * 3,
+        tuple((1.0 - 1e-3 * np.arange(N) / count).tolist()),
+        tuple(longest.ravel().tolist()),
+        10.0 / (tau * tau * 0.05),
+        2e-5,
+        12.5,
+    )
+    assert settled
 
 
 def test_filter_finds_a_dead_and_a_turned_coil() -> None:
