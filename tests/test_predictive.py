@@ -123,6 +123,38 @@ def test_emptying_takes_hardly_more_than_the_linear_programme(seed: int) -> None
     assert least.fun - 0.02 <= fee @ np.abs(ours) <= least.fun + 0.05
 
 
+@pytest.mark.parametrize("seed", [492, 1639, 2232, 3805, 4250])
+def test_plans_to_empty_converge(seed: int) -> None:
+    """Samples in which steps that are only halved do not converge."""
+    draw, tau = np.random.default_rng(seed), 0.04
+    count, phase = int(draw.integers(2, 60)), draw.uniform(0.0, 6.0)
+    x0 = draw.normal(size=3)
+    x0 *= 0.04 * min(count, 50) / np.linalg.norm(x0)
+    effect = np.zeros((N, 6, 3))
+    for k in range(count):
+        u = phase + 2.0 * math.pi * 10.0 * k / 5860.0
+        b = np.array([23e-6 * math.cos(u), 2.4e-6, 46e-6 * math.sin(u)])
+        c, s = math.cos(0.0107 * k), math.sin(0.0107 * k)
+        to_eci = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+        coils = 10.0 * np.cross(np.eye(3), b)
+        effect[k] = np.concatenate([coils, tau * np.eye(3)]) @ to_eci.T
+    longest = np.full((N, 3), 5.0)
+    longest[0] = 10.0
+    _, _, settled = predictive.plan_unloading(
+        count,
+        tuple(x0.tolist()),
+        tuple(map(tuple, effect.reshape(-1, 3).tolist())),
+        2e-3,
+        (36.0,) * 3,
+        tuple((1.0 - 1e-3 * np.arange(N) / count).tolist()),
+        tuple(longest.ravel().tolist()),
+        10.0 / (tau * tau * 0.05),
+        2e-5,
+        12.5,
+    )
+    assert settled
+
+
 def test_filter_finds_a_dead_and_a_turned_coil() -> None:
     """Momentum that two good coils, a dead and a turned one make, measured with noise."""
     draw = random.Random(3)
@@ -361,3 +393,28 @@ def test_a_day_is_held_low_and_a_strange_field_falls_back(tmp_path: Path) -> Non
     wrong = Options(stop=600.0, values={"magnetometer.bias_body": (3e-5, 0.0, 0.0)})
     off = execute("nadir_day/laws-predictive-igrf", wrong, tmp_path / "off")
     assert set(off.results.values("manager.mode")[:-1].tolist()) == {3}
+
+
+def test_a_thruster_is_known_until_it_is_doubted() -> None:
+    """A thruster axis that gives half is found, although it is known to 1 % at first."""
+    spreads = learning.spreads(1e-6, 0.1, 1e-4)
+    x, p = learning.first_state((0.0, 0.0, 0.0)), learning.first_covariance(spreads)
+    first = learning.THRUSTERS - learning.MOMENTUM_STATES
+    impulse, h = 0.2, 0.0
+    for doubted in (-1, learning.THRUSTERS, -1):
+        columns = [(0.0, 0.0, 0.0)] * learning.CAUSES
+        columns[first] = (impulse, 0.0, 0.0)
+        h += 0.5 * impulse
+        x, p = learning.update(
+            x,
+            p,
+            (h, 0.0, 0.0),
+            learning.causes(tuple(columns)),
+            1e-4,
+            5e-3,
+            ((0.0,) * 3,) * 3,  # type: ignore[arg-type]
+            spreads,
+            0.0,
+            doubted,
+        )
+    assert x[learning.THRUSTERS] == pytest.approx(0.5, abs=0.02)

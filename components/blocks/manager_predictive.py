@@ -7,7 +7,13 @@ from ..bases.dumping import DUMPING, FALLBACK, IDLE, MomentumDumping
 from ..bases.earth_field import EarthField
 from ..contract.block import Mat33, Mat34, Output, Parameter, Table, Vec3, Vec4
 from ..contract.fitting import Law, Need
-from ..laws import cross_product, predictive, receding_horizon, thrust_limit
+from ..laws import (
+    attitude_error,
+    cross_product,
+    predictive,
+    receding_horizon,
+    thrust_limit,
+)
 from ..laws import disturbance_learning as learning
 from ..laws.blending import Split
 from ..laws.integrated import null_torque, null_vector
@@ -59,6 +65,10 @@ NULL_MOMENTUM = 2.0
 BINS = 8  # parts of an orbit whose largest wheel momenta are stored
 # Relative difference of measured and model field beyond which the law falls back.
 FIELD_MISMATCH = 0.3
+# Goal empty: weight of `field_noise` in measurements against the noise that is seen, and
+# least number of measurements from which an error of the attitude is corrected.
+NOISE_WEIGHT = 0.3
+FEWEST_MEASUREMENTS = 2.0
 AXES: tuple[Vec3, Vec3, Vec3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 AT_1, AT_2 = 0.21132486540518713, 0.7886751345948129  # Gauss points
 
@@ -99,9 +109,9 @@ class ManagerPredictive(MomentumDumping, EarthField):
     constant in eci, constant in lvlh or periodic in lvlh with the orbit, the craft's
     own dipole, and the signed `effectiveness` of each coil and thruster axis. The plan
     thus allows for a coil that is lost, weak or reversed. A coil counts as whole until
-    its loss is likely; a torque that comes in pulses makes the filter slower and no coil
-    lost. The filter takes its noise from the sensors: `h_noise`, `rate_noise` and
-    `attitude_noise`. `laws/predictive.py`
+    its loss is likely; it is then dead, turned or has another share. A torque that
+    comes in pulses makes the filter slower and no coil lost. The filter takes its noise
+    from the sensors: `h_noise`, `rate_noise` and `attitude_noise`. `laws/predictive.py`
     has the solver.
 
     Thrusters that are weaker than `tau_level` still give small commands in full. The
@@ -109,13 +119,20 @@ class ManagerPredictive(MomentumDumping, EarthField):
     are cut short, with its standard deviation (`laws/thrust_limit.py`). Plans to empty
     use what is certain: the estimate less one standard deviation, one half at first, or
     what a firing has shown. Only the first interval of a plan may use the estimate. A
-    firing beyond what is certain teaches this limit and nothing else.
+    firing beyond what is certain teaches this limit and nothing else about its axis.
+
+    With `goal` empty a constant error of the attitude (body) is learnt from the
+    direction of the measured field (`laws/attitude_error.py`), and corrected where it is
+    beyond three standard deviations. The model's field may err by `field_spread`,
+    relative and across it; a larger error of a poor model looks like one of the
+    attitude. The noise of the field begins at `field_noise` and follows from the
+    measurements.
 
     Where the measured field differs from the model by more than 0.3 of it, or a plan to
     hold has not converged after 30 steps, `mode` is fallback: M = n (h x B) / |B|^2,
     the cross-product law, until the next plan. If the optimiser of a plan to empty has
-    not converged after 320 steps, its last iterate is flown. Without a valid field
-    there is no dipole; without a valid attitude nothing is commanded. The wheels are
+    not converged after four stages of 80 trials, its last iterate is flown. Without a
+    valid field there is no dipole; without a valid attitude nothing is commanded. The wheels are
     commanded as by `manager_cross_product`. Their momentum in the null space, which no
     coil can remove, decays at `null_gain`, or at the rate n, to twice the largest
     momentum that a wheel had otherwise in the last orbit. This residual keeps the
@@ -234,6 +251,19 @@ class ManagerPredictive(MomentumDumping, EarthField):
         "orbit_dipole: amplitudes along velocity, minus orbit normal, nadir",
         start=(23e-6, 2.4e-6, 46e-6),
     )
+    field_spread: float = Parameter(
+        "1",
+        "goal empty: error of the model's field across it, relative, standard deviation; "
+        "0: the attitude is taken as it is",
+        start=0.02,
+        min=0.0,
+    )
+    field_noise: float = Parameter(
+        "T",
+        "standard deviation of a component of the measured field",
+        start=1e-6,
+        min=1e-10,
+    )
     h_noise: float = Parameter(
         "N.m.s", "standard deviation of a measured wheel momentum", start=1e-4, min=0.0
     )
@@ -295,6 +325,12 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._limit_bound = ZERO
         self._q: Vec4 = (0.0, 0.0, 0.0, 1.0)
         self._r = self._v = ZERO
+        self._error: Table = (0.0,) * attitude_error.STATES
+        self._error_p = attitude_error.first_covariance(self.field_spread)
+        self._correction: Vec4 = (0.0, 0.0, 0.0, 1.0)
+        self._misaligned = False
+        self._field_variance = self.field_noise * self.field_noise
+        self._measurements = 0.0
         self._fields = self._models = 0.0
         self._field_scale = 1.0
         self._planned = -1.0
@@ -405,6 +441,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
             return nothing
         lvlh = lvlh_attitude(self.r_eci, self.v_eci)
         q = product(self._q_bo, lvlh) if assumed else self.q_bi
+        q = self._corrected(t, q)
         size2 = dot(self.r_eci, self.r_eci)
         turn = scale(1.0 / size2, cross(self.r_eci, self.v_eci))
         orbital = rotate(q, turn)
@@ -442,6 +479,41 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._coils = to_wheels(self._to_coils, m)
         dipole = self._effective_dipole(self._coils)
         return add(cross(dipole, mean), self._effective_thrust()), (m, n_t)
+
+    def _corrected(self, t: float, q: Vec4) -> Vec4:
+        """Return the attitude q corrected by its constant error, where significant.
+
+        Learn the error from the field measured at t (s), goal empty only. What is
+        stored of the last sample (eci) is corrected by the change of the error.
+        """
+        if self.goal != EMPTY or self.field_spread <= 0.0:
+            return q
+        if self.valid_b:
+            model = rotate(q, self._field(self.r_eci, self.v_eci, t))
+            variance = self._field_variance
+            self._error, self._error_p, ratio = attitude_error.update(
+                self._error, self._error_p, self.b_body, model, sqrt(variance)
+            )
+            # the first measurement shows the error, the next ones the noise
+            if self._measurements >= 1.0:
+                share = 1.0 / (self._measurements + NOISE_WEIGHT)
+                self._field_variance *= 1.0 + share * (ratio - 1.0)
+            self._measurements += 1.0
+        self._misaligned = self._misaligned or (
+            self._measurements >= FEWEST_MEASUREMENTS
+            and attitude_error.is_significant(self._error, self._error_p)
+        )
+        if not self._misaligned:
+            return q
+        correction = attitude_error.rotation(self._error)
+        before = self._q
+        self._q = product(product(correction, inverse(self._correction)), before)
+        self._b_eci = rotate_back(self._q, rotate(before, self._b_eci))
+        self._gravity = rotate_back(self._q, rotate(before, self._gravity))
+        h = rotate_back(self._q, rotate(before, learning.vector(self._x, 0)))
+        self._x = (*h, *self._x[3:])
+        self._correction = correction
+        return product(correction, q)
 
     def _period(self) -> float:
         """Return the time (s) from plan to plan, a multiple of the sample time."""
@@ -538,10 +610,8 @@ class ManagerPredictive(MomentumDumping, EarthField):
         else:
             b = rotate_back(q, self.b_body)
             causes = self._causes(passed, q, b)
-            if self._limit_thrust(passed, q, h, causes, noise):
-                self._restart(h, noise)
-            else:
-                self._learn(passed, h, causes, noise, gravity_torque)
+            tested = self._limit_thrust(passed, q, h, causes, noise)
+            self._learn(passed, h, causes, noise, gravity_torque, tested)
         self._known = t
         x = self._seen = learning.judge(self._x, self._p)
         self.gravity_scale = x[learning.GRAVITY]
@@ -556,11 +626,18 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._p = learning.forgotten(self._p, noise)
 
     def _learn(
-        self, passed: float, h: Vec3, causes: Table, noise: float, gravity_torque: float
+        self,
+        passed: float,
+        h: Vec3,
+        causes: Table,
+        noise: float,
+        gravity_torque: float,
+        tested: Vec3,
     ) -> None:
         """Update the filter by the momentum h (N m s, eci), measured with `noise`.
 
-        passed (s): time since the last sample; gravity_torque: n^2 J (N m).
+        passed (s): time since the last sample; gravity_torque: n^2 J (N m); tested: of
+        `_limit_thrust`.
         """
         _, orbit = self._motion()
         found = learning.innovation(self._x, h, causes)
@@ -573,7 +650,8 @@ class ManagerPredictive(MomentumDumping, EarthField):
         rounding = self._rounding()
         unexplained = found
         for j in range(3):
-            along = min(max(dot(found, axes[j]), -rounding[j]), rounding[j])
+            most = rounding[j] + tested[j]
+            along = min(max(dot(found, axes[j]), -most), most)
             unexplained = sub(unexplained, scale(along, axes[j]))
         self._evidence = learning.gather(
             self._evidence, self._p, unexplained, causes, passed, orbit
@@ -596,9 +674,9 @@ class ManagerPredictive(MomentumDumping, EarthField):
             noise,
             unmodelled * sqrt(orbit * passed / 3.0),
             (
-                scale(lasting * rounding[0], axes[0]),
-                scale(lasting * rounding[1], axes[1]),
-                scale(lasting * rounding[2], axes[2]),
+                scale(lasting * rounding[0] + tested[0], axes[0]),
+                scale(lasting * rounding[1] + tested[1], axes[1]),
+                scale(lasting * rounding[2] + tested[2], axes[2]),
             ),
             self._deviations,
             DRIFT * sqrt(passed / orbit),
@@ -633,16 +711,17 @@ class ManagerPredictive(MomentumDumping, EarthField):
 
     def _limit_thrust(
         self, passed: float, q: Vec4, h: Vec3, causes: Table, noise: float
-    ) -> bool:
+    ) -> Vec3:
         """Learn the largest torque about each axis from the firings of the last sample.
 
-        Returns whether one of them tested it, so that the sample teaches nothing else.
-        Arguments as of `_learn`; q is the attitude now.
+        Returns the impulses (N m s, body) that may be missing where a firing tested it,
+        so that the sample teaches nothing else about this axis. Arguments as of
+        `_learn`; q is the attitude now.
         """
         found = rotate(q, learning.innovation(self._x, h, causes))
         expected, fired = self._reached(), self._thrust
         limits, deviations, bounds = [0.0] * 3, [0.0] * 3, [0.0] * 3
-        has_test = False
+        missing = [0.0] * 3
         for j in range(3):
             limits[j], deviations[j] = self.thruster_limit[j], self._limit_deviation[j]
             bounds[j] = self._limit_bound[j]
@@ -663,12 +742,13 @@ class ManagerPredictive(MomentumDumping, EarthField):
                 limits[j], deviations[j] = thrust_limit.correct(
                     limits[j], deviations[j], share, error
                 )
-            has_test = has_test or tested
+            if tested:
+                missing[j] = passed * abs(fired[j])
             bounds[j] = thrust_limit.raise_bound(bounds[j], command, share, error)
         self.thruster_limit = (limits[0], limits[1], limits[2])
         self._limit_deviation = (deviations[0], deviations[1], deviations[2])
         self._limit_bound = (bounds[0], bounds[1], bounds[2])
-        return has_test
+        return (missing[0], missing[1], missing[2])
 
     def _momentum_noise(self, inertia: float, total: float) -> float:
         """Return the standard deviation of the measured momentum H (N m s).

@@ -21,9 +21,10 @@ uncertain parameters explain, is the size of such a torque and sets the process 
 that size is remembered for an orbit (`gather`). An actuator is lost where the
 innovations follow its command: where over a third of an orbit a change of its
 effectiveness explains `EXPLAINED` of their power, and more than a constant torque or a
-dipole (`find_failure`). Its effectiveness then becomes as uncertain as at first. For
-use, a coil has either failed, with a prior probability of `FAILED`, or has e = 1
-(`judge`).
+dipole (`find_failure`). Its effectiveness then becomes as uncertain as that of a coil
+at first; before that, thrusters are known to `SPREAD_THRUSTER`. For use, a coil has
+e = 1 or, with a prior probability of `FAILED`, has failed and is dead, turned or has
+another effectiveness (`judge`).
 
 Fault detection by a momentum balance: Willsky, Automatica 12 (1976) 601.
 """
@@ -50,6 +51,8 @@ CHANGED = 0.3  # least change of e or f that counts as a loss
 # a torque that is not modelled; of a coil more, as it may be connected the wrong way.
 EXPECTED, EXPECTED_COIL = 2.0, 4.0
 FAILED = 0.01  # prior probability that a coil has failed
+DEAD = 0.5  # share of the failed coils that give nothing
+TURNED = 0.25  # share of the failed coils that give the opposite
 # True errors of e over those of P: torques last, and are not the white noise of P.
 UNDERSTATED = 2.0
 # First index in the evidence: of the mean innovation (N m, eci) and the candidates' mean
@@ -66,7 +69,8 @@ EVIDENCE = RECENT + 1
 # craft's own dipole.
 MOST = 1.1
 SPREAD_GRAVITY = 0.3  # prior standard deviation of s (1)
-SPREAD_ACTUATOR = 0.5  # prior standard deviation of e and f (1)
+SPREAD_ACTUATOR = 0.5  # prior standard deviation of e (1)
+SPREAD_THRUSTER = 0.01  # prior standard deviation of f (1)
 
 
 def first_state(h: Vec3) -> Table:
@@ -93,7 +97,7 @@ def spreads(torque: float, dipole: float, noise: float) -> Table:
     for i in range(DIPOLE, COILS):
         deviations[i] = dipole
     for i in range(COILS, WAVES):
-        deviations[i] = SPREAD_ACTUATOR
+        deviations[i] = SPREAD_ACTUATOR if i < THRUSTERS else SPREAD_THRUSTER
     return tuple(deviations)
 
 
@@ -173,7 +177,7 @@ def update(
     for i in range(STATES * STATES):
         covariance[i] = p[i]
     if doubted >= 0:
-        spread = deviations[doubted]
+        spread = max(deviations[doubted], SPREAD_ACTUATOR)
         covariance[STATES * doubted + doubted] += spread * spread
     _predict(state, covariance, effects, walk, deviations, drift)
     for row in range(MOMENTUM_STATES):
@@ -187,12 +191,13 @@ def update(
 
 
 def judge(x: Table, p: Table) -> Table:
-    """Return the expected x where a coil has either failed or gives its command.
+    """Return the expected x where a coil gives its command, or has failed.
 
-    x and P (row-major) are those of the filter. Without a failure e is 1, and the other
-    elements are what they are with that. The odds of both by Bayes' rule, with the
-    prior deviation `SPREAD_ACTUATOR` of a coil that has failed, are the variance of a
-    measurement of e = 1.
+    x and P (row-major) are those of the filter. Without a failure e is 1; a coil that
+    has failed is dead, e = 0, turned, e = -1, or has any e with the prior deviation
+    `SPREAD_ACTUATOR`. The other elements are what they are with that. With the
+    probabilities w of these cases by Bayes' rule, the expected x is that after a
+    measurement of the mean e of the first three with the variance P_ee / (sum of w).
     """
     state = [0.0] * STATES
     covariance = [0.0] * (STATES * STATES)
@@ -204,17 +209,30 @@ def judge(x: Table, p: Table) -> Table:
     for j in range(COILS, THRUSTERS):
         variance = covariance[STATES * j + j]
         if variance > 0.0:
-            lack = 1.0 - state[j]
             spread = UNDERSTATED * sqrt(variance)
-            surprise = min(0.5 * (lack / spread) * (lack / spread), 100.0)
-            odds = FAILED / (1.0 - FAILED) * sqrt(variance) / SPREAD_ACTUATOR
-            odds *= exp(surprise)
+            e = state[j]
+            whole = (1.0 - FAILED) * _likelihood(e - 1.0, spread)
+            dead = FAILED * DEAD * _likelihood(e, spread)
+            turned = FAILED * TURNED * _likelihood(e + 1.0, spread)
+            known = whole + dead + turned
+            other = FAILED * (1.0 - DEAD - TURNED) * sqrt(variance) / SPREAD_ACTUATOR
+            found = (whole - turned) / known - e
             for i in range(STATES):
                 column[i] = covariance[STATES * i + j]
-            kalman.correct(state, covariance, column, lack, variance * (1.0 + odds))
+            kalman.correct(
+                state, covariance, column, found, variance * (1.0 + other / known)
+            )
     for i in range(COILS, WAVES):
         state[i] = min(max(state[i], -MOST), MOST)
     return tuple(state)
+
+
+def _likelihood(error: float, spread: float) -> float:
+    """Return the likelihood of an error with the standard deviation `spread`.
+
+    It is relative to that of no error, and not below 1e-43.
+    """
+    return exp(-min(0.5 * (error / spread) * (error / spread), 100.0))
 
 
 def _predict(

@@ -19,8 +19,11 @@ the first one.
 
 `plan_unloading` minimises sum (r_j u_kj^2 / 2 + c_kj |u_kj|) + W |X_N|^2 / 2. There the
 costate W X_N is the same for all intervals, so only three numbers are unknown: they
-maximise a concave function whose second derivative jumps where an actuator leaves zero
-or reaches its bound. r is large at first.
+maximise a concave function, the dual, whose second derivative jumps where an actuator
+leaves zero or reaches its bound. r is large at first. A step takes a running mean of the
+Hessians, so that it allows for both sides of a jump, and its length is that at which
+the dual along it is nearly largest. Steps that are only halved where the dual falls
+leave 1.5 % of plans without convergence.
 
 Bertsekas, SIAM J. Control Optim. 20 (1982) 221 (projected Newton); Tassa, Mansard,
 Todorov, IEEE ICRA (2014) (the sweep with bounds). The peak as a high power is that of
@@ -29,7 +32,7 @@ the space telescope's preview.
 
 from __future__ import annotations
 
-from math import inf, sqrt
+from math import sqrt
 from typing import NamedTuple
 
 from ..contract.block import Mat33, Table, Vec3
@@ -60,7 +63,10 @@ STEPS = 30  # maximum number of Newton steps of a plan by `plan_path`
 HALVINGS = 12  # maximum number of halvings of a Newton step
 TRIALS = 80  # maximum number of trials in each stage of `plan_unloading`
 STAGES = (1000.0, 100.0, 10.0, 1.0)  # multiples of r, one after the other
-SHORTEST = 1e-9  # A stage ends where less than this fraction of a step is left.
+SEARCHES = 8  # maximum number of trials along one step of `plan_unloading`
+FLAT = 0.3  # A step ends where the slope of the dual is below this times its first one.
+LEAST_PART = 0.2  # least part of the bracket by which a trial shortens it
+RENEWED = 0.85  # weight of the newest Hessian in the mean that a step takes
 CONVERGED = (
     1e-4  # A plan has converged where a step lowers J by less than this fraction.
 )
@@ -442,47 +448,68 @@ def plan_unloading(
         u (A m2 and s); the number of steps; whether it converged to `tolerance`.
     """
     u = [0.0] * (ACTUATORS * INTERVALS)
-    best_u = [0.0] * (ACTUATORS * INTERVALS)
     costate = ZERO
     steps, converged = 0, False
     for stage in STAGES:
-        fraction, converged = 1.0, False
-        step = ZERO
-        value = -inf
-        for _ in range(TRIALS):
-            steps += 1
-            trial = add(costate, scale(fraction, step))
-            trial_value, gradient, hessian = _evaluate_dual(
-                count,
-                rest,
-                effect,
-                stage,
-                price,
-                limits,
-                fee,
-                longest,
-                weight,
-                trial,
-                u,
-            )
-            if trial_value < value:
-                # beyond the maximum
-                fraction *= 0.5
-                if fraction < SHORTEST:
-                    converged = True
-                    break
-                continue
-            costate, value, fraction = trial, trial_value, 1.0
-            for i in range(ACTUATORS * count):
-                best_u[i] = u[i]
-            if dot(gradient, gradient) <= tolerance * tolerance:
-                converged = True
+        gradient, hessian = _evaluate_dual(
+            count,
+            rest,
+            effect,
+            stage,
+            price,
+            limits,
+            fee,
+            longest,
+            weight,
+            costate,
+            u,
+        )
+        steps += 1
+        mean_hessian = hessian
+        trials, converged = 1, False
+        while trials < TRIALS:
+            converged = dot(gradient, gradient) <= tolerance * tolerance
+            if converged:
                 break
-            inverse = inverse_of_lower(root(hessian))
+            inverse = inverse_of_lower(root(mean_hessian))
             step = mat_t_vec(inverse, mat_vec(inverse, gradient))
             # limited, as only the slope is known where no actuator is free
             step = scale(min(1.0, stride / max(norm(step), 1e-300)), step)
-    return tuple(best_u), steps, converged
+            slope = dot(gradient, step)
+            begin, fraction = costate, 1.0
+            low, low_slope, high, high_slope = 0.0, slope, 1.0, 0.0
+            for _ in range(SEARCHES):
+                costate = add(begin, scale(fraction, step))
+                gradient, hessian = _evaluate_dual(
+                    count,
+                    rest,
+                    effect,
+                    stage,
+                    price,
+                    limits,
+                    fee,
+                    longest,
+                    weight,
+                    costate,
+                    u,
+                )
+                trials += 1
+                steps += 1
+                here = dot(gradient, step)
+                if here < -FLAT * slope:
+                    high, high_slope = fraction, here
+                elif fraction < high and here > FLAT * slope:
+                    low, low_slope = fraction, here
+                else:
+                    break
+                secant = low_slope / (low_slope - high_slope)
+                share = min(max(secant, LEAST_PART), 1.0 - LEAST_PART)
+                fraction = low + (high - low) * share
+            mean_hessian = matrix.add(
+                matrix.scale(1.0 - RENEWED, mean_hessian),
+                matrix.scale(RENEWED, hessian),
+            )
+    return tuple(u), steps, converged
 
 
 def _evaluate_dual(
@@ -497,13 +524,12 @@ def _evaluate_dual(
     weight: float,
     costate: Vec3,
     u: list[float],
-) -> tuple[float, Vec3, Mat33]:
-    """Fill `u` with the plan that a costate asks for; return the dual there.
+) -> tuple[Vec3, Mat33]:
+    """Fill `u` with the plan that a costate asks for; return derivatives of the dual.
 
-    Returns the value of the concave function that the costate maximises, its gradient
+    The dual is the concave function that the costate maximises. Returns its gradient
     (N m s), which is the end less the one that W implies, and its Hessian's opposite.
     """
-    value = dot(costate, rest) - 0.5 / weight * dot(costate, costate)
     gradient = sub(rest, scale(1.0 / weight, costate))
     w = 1.0 / weight
     xx, xy, xz, yy, yz, zz = w, 0.0, 0.0, w, 0.0, w
@@ -526,11 +552,10 @@ def _evaluate_dual(
                 xx, xy, xz = xx + a * a / r, xy + a * b / r, xz + a * c / r
                 yy, yz, zz = yy + b * b / r, yz + b * c / r, zz + c * c / r
             v = min(v, limit)
-            value += 0.5 * r * v * v - excess * v
             v = -v if pull > 0.0 else v
             gradient = add(gradient, scale(v, effect[i]))
         u[i] = v
-    return value, gradient, (xx, xy, xz, xy, yy, yz, xz, yz, zz)
+    return gradient, (xx, xy, xz, xy, yy, yz, xz, yz, zz)
 
 
 def find_largest_momentum(problem: PathProblem, path: Vectors) -> float:
