@@ -242,6 +242,7 @@ def test_only_what_follows_a_command_is_a_lost_coil(cause: str) -> None:
             learning.causes(tuple(columns)),
             passed,
             orbit,
+            learning.HOLDING,
         )
         largest = max(largest, learning.unmodelled_torque(evidence))
         failures.append(learning.find_failure(evidence))
@@ -256,11 +257,12 @@ def test_only_what_follows_a_command_is_a_lost_coil(cause: str) -> None:
         assert largest == pytest.approx(math.sqrt(14.0 / 3.0) * 1e-6, rel=0.1)
 
 
+@pytest.mark.parametrize("doubt", [learning.HOLDING, learning.EMPTYING])
 @pytest.mark.parametrize(
     ("e", "deviation", "used"), [(0.6, 0.2, 1.0), (0.0, 0.05, 0.0), (-1.0, 0.1, -1.0)]
 )
 def test_a_coil_is_whole_until_its_loss_is_likely(
-    e: float, deviation: float, used: float
+    e: float, deviation: float, used: float, doubt: learning.Doubt
 ) -> None:
     x = list(learning.first_state((0.0, 0.0, 0.0)))
     x[learning.COILS + 1], x[learning.INERTIAL] = e, 1e-6
@@ -268,7 +270,7 @@ def test_a_coil_is_whole_until_its_loss_is_likely(
     i, j = learning.COILS + 1, learning.INERTIAL
     p[i, i], p[j, j] = deviation**2, 1e-12
     p[i, j] = p[j, i] = 0.5e-6 * deviation
-    seen = learning.judge(tuple(x), tuple(p.ravel().tolist()))
+    seen = learning.judge(tuple(x), tuple(p.ravel().tolist()), doubt)
     assert seen[i] == pytest.approx(used, abs=0.02)
     shift = p[i, j] / p[i, i] * (seen[i] - e)
     assert seen[j] == pytest.approx(1e-6 + shift, abs=1e-9)

@@ -613,12 +613,16 @@ class ManagerPredictive(MomentumDumping, EarthField):
             tested = self._limit_thrust(passed, q, h, causes, noise)
             self._learn(passed, h, causes, noise, gravity_torque, tested)
         self._known = t
-        x = self._seen = learning.judge(self._x, self._p)
+        x = self._seen = learning.judge(self._x, self._p, self._doubt())
         self.gravity_scale = x[learning.GRAVITY]
         self.torque_eci = learning.vector(x, learning.INERTIAL)
         e = learning.COILS
         self.effectiveness = (x[e], x[e + 1], x[e + 2], x[e + 3])
         self.thruster_effectiveness = learning.vector(x, learning.THRUSTERS)
+
+    def _doubt(self) -> learning.Doubt:
+        """Return how readily a coil is taken for failed."""
+        return learning.EMPTYING if self.goal == EMPTY else learning.HOLDING
 
     def _restart(self, h: Vec3, noise: float) -> None:
         """Restart the filter's momentum at h (N m s, eci); keep the parameters."""
@@ -654,7 +658,13 @@ class ManagerPredictive(MomentumDumping, EarthField):
             along = min(max(dot(found, axes[j]), -most), most)
             unexplained = sub(unexplained, scale(along, axes[j]))
         self._evidence = learning.gather(
-            self._evidence, self._p, unexplained, causes, passed, orbit
+            self._evidence,
+            self._p,
+            unexplained,
+            causes,
+            passed,
+            orbit,
+            self._doubt(),
         )
         failed = learning.find_failure(self._evidence)
         if failed >= 0:

@@ -23,7 +23,7 @@ innovations follow its command: where over a third of an orbit a change of its
 effectiveness explains `EXPLAINED` of their power, and more than a constant torque or a
 dipole (`find_failure`). Its effectiveness then becomes as uncertain as that of a coil
 at first; before that, thrusters are known to `SPREAD_THRUSTER`. For use, a coil has
-e = 1 or, with a prior probability of `FAILED`, has failed and is dead, turned or has
+e = 1 or, with the prior probability of a `Doubt`, has failed and is dead, turned or has
 another effectiveness (`judge`).
 
 Fault detection by a momentum balance: Willsky, Automatica 12 (1976) 601.
@@ -32,6 +32,7 @@ Fault detection by a momentum balance: Willsky, Automatica 12 (1976) 601.
 from __future__ import annotations
 
 from math import exp, sqrt
+from typing import NamedTuple
 
 from ..contract.block import Table, Vec3
 from ..maths import kalman
@@ -48,13 +49,10 @@ MEMORY = 1.0 / 3.0  # time over which they are compared with commands, in orbits
 EXPLAINED = 0.7  # share of the torque's power that a lost actuator explains at least
 CHANGED = 0.3  # least change of e or f that counts as a loss
 # Innovations within so many standard deviations of a parameter's effect are no sign of
-# a torque that is not modelled; of a coil more, as it may be connected the wrong way.
-EXPECTED, EXPECTED_COIL = 2.0, 4.0
-FAILED = 0.01  # prior probability that a coil has failed
+# a torque that is not modelled.
+EXPECTED = 2.0
 DEAD = 0.5  # share of the failed coils that give nothing
 TURNED = 0.25  # share of the failed coils that give the opposite
-# True errors of e over those of P: torques last, and are not the white noise of P.
-UNDERSTATED = 2.0
 # First index in the evidence: of the mean innovation (N m, eci) and the candidates' mean
 # effects (N m by unit), then sums over `MEMORY` of their products, of the effects'
 # squares and of the innovation's; its excess over `EXPECTED` now, and over an orbit.
@@ -71,6 +69,22 @@ MOST = 1.1
 SPREAD_GRAVITY = 0.3  # prior standard deviation of s (1)
 SPREAD_ACTUATOR = 0.5  # prior standard deviation of e (1)
 SPREAD_THRUSTER = 0.01  # prior standard deviation of f (1)
+
+
+class Doubt(NamedTuple):
+    """How readily a coil is taken for failed."""
+
+    failed: float  # prior probability that it has
+    # true errors of e over those of P: torques last, and are not the white noise of P
+    understated: float
+    expected: float  # as EXPECTED, of the effect of e
+
+
+# While momentum is held, coils give little, and a torque in pulses is soon as large.
+HOLDING = Doubt(0.001, 3.0, 2.0)
+# Wheels are emptied within minutes by coils that give all they have, so that a coil that
+# is turned, four deviations off, must be seen at once.
+EMPTYING = Doubt(0.01, 2.0, 4.0)
 
 
 def first_state(h: Vec3) -> Table:
@@ -190,7 +204,7 @@ def update(
     return tuple(state), tuple(covariance)
 
 
-def judge(x: Table, p: Table) -> Table:
+def judge(x: Table, p: Table, doubt: Doubt) -> Table:
     """Return the expected x where a coil gives its command, or has failed.
 
     x and P (row-major) are those of the filter. Without a failure e is 1; a coil that
@@ -209,13 +223,15 @@ def judge(x: Table, p: Table) -> Table:
     for j in range(COILS, THRUSTERS):
         variance = covariance[STATES * j + j]
         if variance > 0.0:
-            spread = UNDERSTATED * sqrt(variance)
+            spread = doubt.understated * sqrt(variance)
             e = state[j]
-            whole = (1.0 - FAILED) * _likelihood(e - 1.0, spread)
-            dead = FAILED * DEAD * _likelihood(e, spread)
-            turned = FAILED * TURNED * _likelihood(e + 1.0, spread)
+            whole = (1.0 - doubt.failed) * _likelihood(e - 1.0, spread)
+            dead = doubt.failed * DEAD * _likelihood(e, spread)
+            turned = doubt.failed * TURNED * _likelihood(e + 1.0, spread)
             known = whole + dead + turned
-            other = FAILED * (1.0 - DEAD - TURNED) * sqrt(variance) / SPREAD_ACTUATOR
+            other = (
+                doubt.failed * (1.0 - DEAD - TURNED) * sqrt(variance) / SPREAD_ACTUATOR
+            )
             found = (whole - turned) / known - e
             for i in range(STATES):
                 column[i] = covariance[STATES * i + j]
@@ -314,6 +330,7 @@ def gather(
     effects: Table,
     passed: float,
     orbit: float,
+    doubt: Doubt,
 ) -> Table:
     """Return the evidence after a sample, from zeros on.
 
@@ -329,6 +346,8 @@ def gather(
         Of `causes`.
     passed, orbit : float
         The sample's time and the orbit's period (s).
+    doubt : Doubt
+        Of the coils.
     """
     e = [0.0] * EVIDENCE
     share = min(passed / (SMOOTHED * orbit), 1.0)
@@ -350,7 +369,7 @@ def gather(
     e[EXCESS] = power
     for i in range(INERTIAL, WAVES):
         of = EFFECTS + 3 * (i - INERTIAL)
-        most = EXPECTED_COIL if COILS <= i < THRUSTERS else EXPECTED
+        most = doubt.expected if COILS <= i < THRUSTERS else EXPECTED
         e[EXCESS] -= most * most * p[STATES * i + i] * _product(e, of, of)
     e[EXCESS] = max(e[EXCESS], 0.0)
     e[RECENT] += min(passed / orbit, 1.0) * (e[EXCESS] - e[RECENT])
