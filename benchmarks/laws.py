@@ -102,7 +102,9 @@ def _rows() -> tuple[Row, ...]:
         "field_weak": ("field 10 % weaker", 0.10),
         "field_strong": ("field 10 % stronger", 0.10),
         "noise": ("1 uT of noise", 0.5),
-        "roll": ("attitude 5 deg off in roll", 0.5),
+        "roll": ("attitude 5 deg off in roll", 0.6),
+        "yaw": ("attitude 5 deg off in yaw", 0.6),
+        "yaw_10": ("attitude 10 deg off in yaw", None),
         "dead_unknown": ("y coil dead, unknown", None),
         "thrusters_0_7": ("thrusters of 0.7", None),
     }
@@ -135,6 +137,10 @@ def _rows() -> tuple[Row, ...]:
     name, other = "integrated/predictive", "integrated/mil-nadir"
     for number in ("dumped", "pointing", "near_zero", "coil_load", "coil_load_steady"):
         rows.append(Row(name, "nadir, noisy sensors", number, "difference", other, 0.0))
+    for weight in ("0.05", "1", "2", "4"):
+        name = f"integrated/predictive-standstill-{weight}"
+        for number in ("near_zero", "null_end"):
+            rows.append(Row(name, f"standstill_weight {weight}", number, "value"))
     return tuple(rows)
 
 

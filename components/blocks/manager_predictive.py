@@ -62,6 +62,8 @@ DRIFT = 0.1  # change of a parameter in an orbit, relative to its prior deviatio
 # Limit of the momentum in the null space, relative to the largest momentum that a wheel
 # has otherwise.
 NULL_MOMENTUM = 2.0
+# Share of its capacity (1) below which a wheel counts as near standstill.
+STANDSTILL = 0.02
 BINS = 8  # parts of an orbit whose largest wheel momenta are stored
 # Relative difference of measured and model field beyond which the law falls back.
 FIELD_MISMATCH = 0.3
@@ -136,7 +138,10 @@ class ManagerPredictive(MomentumDumping, EarthField):
     commanded as by `manager_cross_product`. Their momentum in the null space, which no
     coil can remove, decays at `null_gain`, or at the rate n, to twice the largest
     momentum that a wheel had otherwise in the last orbit. This residual keeps the
-    wheels away from zero speed; a smaller one is not increased.
+    wheels away from zero speed; a smaller one is not increased. With
+    `standstill_weight` it is held at this many times the largest momentum that a wheel
+    had otherwise plus 0.02 `h_limit`: a small weight empties the null space, a weight of
+    1 keeps all wheels with equal shares in the null space from standstill.
     """
 
     craft_needs = (Need.COILS,)
@@ -214,6 +219,14 @@ class ManagerPredictive(MomentumDumping, EarthField):
         "1/s",
         "rate at which momentum in the wheels' null space decays to what keeps them from "
         "standstill; 0: the orbit's",
+        min=0.0,
+        needs=("h_wheel", "tau_cmd_wheel"),
+    )
+    standstill_weight: float = Parameter(
+        "1",
+        "weight of time near standstill against momentum in the null space, which is held "
+        "at so many times what keeps all wheels from standstill; 0: it decays to twice "
+        "the largest momentum of a wheel, and is never increased",
         min=0.0,
         needs=("h_wheel", "tau_cmd_wheel"),
     )
@@ -325,12 +338,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._limit_bound = ZERO
         self._q: Vec4 = (0.0, 0.0, 0.0, 1.0)
         self._r = self._v = ZERO
-        self._error: Table = (0.0,) * attitude_error.STATES
-        self._error_p = attitude_error.first_covariance(self.field_spread)
-        self._correction: Vec4 = (0.0, 0.0, 0.0, 1.0)
-        self._misaligned = False
-        self._field_variance = self.field_noise * self.field_noise
-        self._measurements = 0.0
+        self._start_correction()
         self._fields = self._models = 0.0
         self._field_scale = 1.0
         self._planned = -1.0
@@ -343,6 +351,15 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self.gravity_scale = 1.0
         self.torque_eci = ZERO
         self.plan_steps = 0
+
+    def _start_correction(self) -> None:
+        """Begin with an attitude that counts as right."""
+        self._error: Table = (0.0,) * attitude_error.STATES
+        self._error_p = attitude_error.first_covariance(self.field_spread)
+        self._correction: Vec4 = (0.0, 0.0, 0.0, 1.0)
+        self._misaligned = False
+        self._field_variance = self.field_noise * self.field_noise
+        self._measurements = 0.0
 
     def _check_plan(self) -> None:
         """Refuse weights and times with which there is no plan."""
@@ -403,6 +420,9 @@ class ManagerPredictive(MomentumDumping, EarthField):
         level = min(
             max(along, -NULL_MOMENTUM * self._peak()), NULL_MOMENTUM * self._peak()
         )
+        if self.standstill_weight > 0.0:
+            away = self._peak() + STANDSTILL * self.h_limit
+            level = copysign(self.standstill_weight * away, along)
         above = (a - level * p, b - level * q, c - level * r, d - level * s)
         rate = self.null_gain if self.null_gain > 0.0 else n
         a, b, c, d = null_torque(above, self._null, rate, inf)
