@@ -14,7 +14,8 @@ from scipy.optimize import linprog, minimize
 from desat.components.blocks.manager_predictive import ManagerPredictive
 from desat.components.contract.block import BlockError
 from desat.components.laws import disturbance_learning as learning
-from desat.components.laws import predictive, thrust_limit
+from desat.components.laws import predictive, slew, thrust_limit
+from desat.components.maths.attitude import inverse, product, propagated
 from desat.runs.run import Options, execute
 
 N, H = predictive.INTERVALS, predictive.PATH_INTERVALS
@@ -289,6 +290,10 @@ def test_a_coil_is_whole_until_its_loss_is_likely(
         ({"goal": 1, "end": 0.0}, r"end = 0 s is before now"),
         ({"goal": 1, "end": 600.0, "weights": (1.0, 1.0, 0.0)}, r"weights\[3\] = 0"),
         ({"m_limit": 0.0}, r"m_limit = 0 A m2 .* no coil is left"),
+        (
+            {"manoeuvre": True, "t_begin": 9.0, "t_end": 9.0},
+            r"t_end = 9.0 s must be after t_begin = 9.0 s",
+        ),
         ({"axes_coil": (0.0,) * 12}, "no coil is left"),
         ({"sample_time": 0.0}, "sample_time = 0 s"),
     ],
@@ -420,3 +425,50 @@ def test_a_thruster_is_known_until_it_is_doubted() -> None:
             doubted,
         )
     assert x[learning.THRUSTERS] == pytest.approx(0.5, abs=0.02)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_slew_ahead_is_that_of_the_guidance(seed: int, tmp_path: Path) -> None:
+    """From any time of the slew on, and its rate is the derivative."""
+    draw = np.random.default_rng(seed)
+    rotation = tuple(draw.normal(size=3).tolist())
+    q0 = tuple((x := draw.normal(size=4)) / np.linalg.norm(x))
+    turn = slew.Slew(rotation, 100.0, 700.0)
+    for since in (0.0, 250.0, 650.0):
+        q = slew.attitude_at(turn, q0, 0.0, since)
+        for at in (300.0, 699.0, 900.0):
+            direct = slew.attitude_at(turn, q0, 0.0, at)
+            assert slew.attitude_at(turn, q, since, at) == pytest.approx(direct)
+    before, after = (slew.attitude_at(turn, q0, 0.0, t) for t in (399.9, 400.1))
+    moved = product(after, inverse(before))
+    assert np.array(moved[:3]) * 2.0 / 0.2 == pytest.approx(
+        slew.rate_at(turn, 400.0), rel=1e-5
+    )
+    end = slew.attitude_at(turn, q0, 0.0, 700.0)
+    assert end == pytest.approx(propagated(q0, rotation, 1.0))
+    assert slew.rate_at(turn, 99.0) == slew.rate_at(turn, 701.0) == (0.0, 0.0, 0.0)
+
+
+def test_a_slew_that_is_foreseen_takes_less(tmp_path: Path) -> None:
+    numbers = [
+        execute(f"space_telescope/slew-{method}", Options(), tmp_path / method).manifest.numbers
+        for method in ("predictive", "foreseen")
+    ]
+    late, foreseen = numbers
+    for name, most in (("peak_speed", 0.9), ("energy_per_orbit", 0.8)):
+        assert foreseen[name].value < most * late[name].value
+    assert foreseen["pointing"].value == pytest.approx(late["pointing"].value, rel=0.1)
+
+
+def test_the_weight_of_standstill_is_what_null_space_momentum_follows(
+    tmp_path: Path,
+) -> None:
+    """Both ends of the front: no momentum in the null space, and no wheel that stands."""
+    shares = []
+    for weight in (0.05, 4.0):
+        options = Options(sets=[f"manager.standstill_weight={weight}"])
+        run = execute("integrated/predictive", options, tmp_path / f"w{weight}")
+        shares.append([run.manifest.numbers[n].value for n in ("near_zero", "null_end")])
+    (near, null), (far, held) = shares
+    assert near > 90.0 > 1.0 > far
+    assert held > 4.0 > 0.5 > null

@@ -5,16 +5,28 @@ from math import copysign, inf, pi, sqrt
 
 from ..bases.dumping import DUMPING, FALLBACK, IDLE, MomentumDumping
 from ..bases.earth_field import EarthField
-from ..contract.block import Mat33, Mat34, Output, Parameter, Table, Vec3, Vec4
+from ..contract.block import (
+    TURN,
+    Mat33,
+    Mat34,
+    Output,
+    Parameter,
+    Table,
+    Vec3,
+    Vec4,
+)
 from ..contract.fitting import Law, Need
+from ..contract.roles import UPRIGHT
 from ..laws import (
     attitude_error,
     cross_product,
     predictive,
     receding_horizon,
+    slew,
     thrust_limit,
 )
 from ..laws import disturbance_learning as learning
+from ..laws.attitude_control import eigenaxis
 from ..laws.blending import Split
 from ..laws.integrated import null_torque, null_vector
 from ..laws.momentum_management import reduced, without
@@ -104,7 +116,10 @@ class ManagerPredictive(MomentumDumping, EarthField):
     the measured field.
 
     The forecast assumes two-body motion from r_eci and v_eci. The attitude is fixed to
-    lvlh or eci, whichever the measured rate is nearer to (or at `q_bo` from lvlh). The
+    lvlh or eci, whichever the measured rate is nearer to (or at `q_bo` from lvlh). With
+    `manoeuvre` it also makes the slew of `guidance_slew` with the same q_begin_bi,
+    q_end_bi, slew_body, t_begin and t_end: the momentum that the body takes up meanwhile
+    is not dumped, and field and torques ahead are those of the attitude then. The
     field is that of `field_model`, scaled to the measurements of the last orbit.
     Torques are the gravity gradient of `inertia` and the estimates of
     `laws/disturbance_learning.py`: the scale of the gravity gradient, torques that are
@@ -253,6 +268,14 @@ class ManagerPredictive(MomentumDumping, EarthField):
         "assumed attitude: body from lvlh, scalar last; normalised",
         start=(0.0, 0.0, 0.0, 1.0),
     )
+    manoeuvre: bool = Parameter("1", "true: the slew below is planned for")
+    q_begin_bi: Vec4 = Parameter("1", "attitude before the slew", start=UPRIGHT)
+    q_end_bi: Vec4 = Parameter("1", "attitude after the slew", start=UPRIGHT)
+    slew_body: Vec3 = Parameter(
+        "rad", "the slew as a rotation vector, body; 0: q_end_bi counts", usual=TURN
+    )
+    t_begin: float = Parameter("s", "when the slew begins")
+    t_end: float = Parameter("s", "when it ends", start=5400.0)
     field_model: int = Parameter(
         "1",
         "model of the field ahead",
@@ -339,6 +362,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._q: Vec4 = (0.0, 0.0, 0.0, 1.0)
         self._r = self._v = ZERO
         self._start_correction()
+        self._start_slew()
         self._fields = self._models = 0.0
         self._field_scale = 1.0
         self._planned = -1.0
@@ -360,6 +384,22 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._misaligned = False
         self._field_variance = self.field_noise * self.field_noise
         self._measurements = 0.0
+
+    def _start_slew(self) -> None:
+        """Keep the slew that is foreseen; without a manoeuvre its rotation is zero."""
+        rotation = ZERO
+        if self.manoeuvre:
+            if self.t_end <= self.t_begin:
+                self.fail(
+                    f"t_end = {self.t_end} s must be after t_begin = {self.t_begin} s"
+                )
+            axis, angle = eigenaxis(
+                normalised(self.q_begin_bi), normalised(self.q_end_bi)
+            )
+            rotation = scale(angle, axis) if self.slew_body == ZERO else self.slew_body
+        self._slew = slew.Slew(
+            rotation, self.t_begin, max(self.t_end, self.t_begin + 1.0)
+        )
 
     def _check_plan(self) -> None:
         """Refuse weights and times with which there is no plan."""
@@ -475,8 +515,9 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._weigh(b, model)
         model = scale(self._field_scale, model)
         self._remember(t, h)
-        # whether the attitude is fixed to lvlh, or else to eci
-        turning = assumed or norm(sub(rate, orbital)) < norm(rate)
+        # whether the attitude is fixed to lvlh, or else to eci, but for a slew
+        resting = sub(rate, slew.rate_at(self._slew, t))
+        turning = assumed or norm(sub(resting, orbital)) < norm(resting)
         if self._planned < 0.0 or t - self._planned >= self._period() - 1e-6:
             self._plan(t, q, lvlh, turning, rotate_back(q, h), sub(b, model))
             self._planned = t
@@ -975,7 +1016,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         to_perigee, onward = perifocal_axes(inclination, raan, perigee)
         _, dipoles, _ = self._axes()
         turn = cross(self.r_eci, self.v_eci)
-        before = self._bias(q, turn, dot(self.r_eci, self.r_eci), turning)
+        before = self._bias(t, q, turn, dot(self.r_eci, self.r_eci), turning)
         strength, begin = 0.0, 0.0
         for k in range(count):
             step = dt[k]
@@ -984,7 +1025,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
                 at = begin + point * step
                 r, v = ellipse_state(a, e, anomaly + n * at, n, to_perigee, onward)
                 frame = lvlh_attitude(r, v)
-                pointing = product(from_lvlh, frame) if turning else q
+                pointing = self._attitude_ahead(t, at, q, from_lvlh, frame, turning)
                 b = scale(self._field_scale, self._field(r, v, t + at))
                 if k == 0:
                     b = add(b, off)
@@ -999,8 +1040,9 @@ class ManagerPredictive(MomentumDumping, EarthField):
                     strength += 0.25 * step * dot(f, f)
             begin += step
             r, v = ellipse_state(a, e, anomaly + n * begin, n, to_perigee, onward)
-            pointing = product(from_lvlh, lvlh_attitude(r, v)) if turning else q
-            after = self._bias(pointing, cross(r, v), dot(r, r), turning)
+            frame = lvlh_attitude(r, v)
+            pointing = self._attitude_ahead(t, begin, q, from_lvlh, frame, turning)
+            after = self._bias(t + begin, pointing, cross(r, v), dot(r, r), turning)
             push = sub(push, sub(after, before))
             before = after
             drift[k] = push
@@ -1009,6 +1051,22 @@ class ManagerPredictive(MomentumDumping, EarthField):
                 axis = rotate_back(pointing, (w[3 * j], w[3 * j + 1], w[3 * j + 2]))
                 wheel_axes[predictive.WHEELS * k + j] = axis
         return tuple(drift), tuple(effect), tuple(wheel_axes), strength / begin
+
+    def _attitude_ahead(
+        self,
+        t: float,
+        ahead: float,
+        q: Vec4,
+        from_lvlh: Vec4,
+        lvlh: Vec4,
+        turning: bool,
+    ) -> Vec4:
+        """Return the attitude (body from eci) `ahead` (s) of t (s), where it is q.
+
+        lvlh: orientation of lvlh from eci then; other arguments as of `_forecast`.
+        """
+        rest = product(from_lvlh, lvlh) if turning else q
+        return slew.attitude_at(self._slew, rest, t, t + ahead)
 
     def _effects(
         self, weight: float, q: Vec4, b: Vec3, dipoles: tuple[Vec3, Vec3, Vec3]
@@ -1146,13 +1204,14 @@ class ManagerPredictive(MomentumDumping, EarthField):
                 most[predictive.THRUSTERS * k + j] = share * dt[k]
         return tuple(most)
 
-    def _bias(self, q: Vec4, turn: Vec3, size2: float, turning: bool) -> Vec3:
-        """Return the momentum (N m s, eci) that is not to be dumped.
+    def _bias(self, t: float, q: Vec4, turn: Vec3, size2: float, turning: bool) -> Vec3:
+        """Return the momentum (N m s, eci) that is not to be dumped at t (s).
 
         It is that of the body's rotation, and the target. turn (m2/s): r x v; size2
         (m2): r^2.
         """
         rate = rotate(q, scale(1.0 / size2, turn)) if turning else ZERO
+        rate = add(rate, slew.rate_at(self._slew, t))
         return rotate_back(q, add(mat_vec(self._inertia, rate), self.h_target_body))
 
     def _torque(self, q: Vec4, lvlh: Vec4, r: Vec3, b: Vec3) -> Vec3:

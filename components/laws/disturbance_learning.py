@@ -225,14 +225,14 @@ def judge(x: Table, p: Table, doubt: Doubt) -> Table:
         if variance > 0.0:
             spread = doubt.understated * sqrt(variance)
             e = state[j]
-            whole = (1.0 - doubt.failed) * _likelihood(e - 1.0, spread)
+            intact = (1.0 - doubt.failed) * _likelihood(e - 1.0, spread)
             dead = doubt.failed * DEAD * _likelihood(e, spread)
             turned = doubt.failed * TURNED * _likelihood(e + 1.0, spread)
-            known = whole + dead + turned
+            known = intact + dead + turned
             other = (
                 doubt.failed * (1.0 - DEAD - TURNED) * sqrt(variance) / SPREAD_ACTUATOR
             )
-            found = (whole - turned) / known - e
+            found = (intact - turned) / known - e
             for i in range(STATES):
                 column[i] = covariance[STATES * i + j]
             kalman.correct(
