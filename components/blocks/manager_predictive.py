@@ -76,6 +76,8 @@ DRIFT = 0.1  # change of a parameter in an orbit, relative to its prior deviatio
 NULL_MOMENTUM = 2.0
 # Share of its capacity (1) below which a wheel counts as near standstill.
 STANDSTILL = 0.02
+# Share of its capacity (1) to which momentum in the null space may fill a wheel.
+MOST_FILL = 0.9
 BINS = 8  # parts of an orbit whose largest wheel momenta are stored
 # Relative difference of measured and model field beyond which the law falls back.
 FIELD_MISMATCH = 0.3
@@ -148,7 +150,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
     Where the measured field differs from the model by more than 0.3 of it, or a plan to
     hold has not converged after 30 steps, `mode` is fallback: M = n (h x B) / |B|^2,
     the cross-product law, until the next plan. If the optimiser of a plan to empty has
-    not converged after four stages of 80 trials, its last iterate is flown. Without a
+    not converged after four stages of 80 trials, the iterate that ends nearest is flown. Without a
     valid field there is no dipole; without a valid attitude nothing is commanded. The wheels are
     commanded as by `manager_cross_product`. Their momentum in the null space, which no
     coil can remove, decays at `null_gain`, or at the rate n, to twice the largest
@@ -156,7 +158,8 @@ class ManagerPredictive(MomentumDumping, EarthField):
     wheels away from zero speed; a smaller one is not increased. With
     `standstill_weight` it is held at this many times the largest momentum that a wheel
     had otherwise plus 0.02 `h_limit`: a small weight empties the null space, a weight of
-    1 keeps all wheels with equal shares in the null space from standstill.
+    1 keeps all wheels with equal shares in the null space from standstill. No wheel is
+    filled beyond 0.9 of a capacity that is known.
     """
 
     craft_needs = (Need.COILS,)
@@ -243,6 +246,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         "at so many times what keeps all wheels from standstill; 0: it decays to twice "
         "the largest momentum of a wheel, and is never increased",
         min=0.0,
+        max=10.0,
         needs=("h_wheel", "tau_cmd_wheel"),
     )
     inertia: Mat33 = Parameter(
@@ -293,6 +297,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         "0: the attitude is taken as it is",
         start=0.02,
         min=0.0,
+        max=1.0,
     )
     field_noise: float = Parameter(
         "T",
@@ -461,8 +466,11 @@ class ManagerPredictive(MomentumDumping, EarthField):
             max(along, -NULL_MOMENTUM * self._peak()), NULL_MOMENTUM * self._peak()
         )
         if self.standstill_weight > 0.0:
-            away = self._peak() + STANDSTILL * self.h_limit
-            level = copysign(self.standstill_weight * away, along)
+            peak = self._peak()
+            size = self.standstill_weight * (peak + STANDSTILL * self.h_limit)
+            if self.h_limit > 0.0:
+                size = min(size, max(MOST_FILL * self.h_limit - peak, 0.0))
+            level = copysign(size, along)
         above = (a - level * p, b - level * q, c - level * r, d - level * s)
         rate = self.null_gain if self.null_gain > 0.0 else n
         a, b, c, d = null_torque(above, self._null, rate, inf)

@@ -466,6 +466,7 @@ def plan_unloading(
         )
         steps += 1
         mean_hessian = hessian
+        nearest, least = costate, dot(gradient, gradient)
         trials, converged = 1, False
         while trials < TRIALS:
             converged = dot(gradient, gradient) <= tolerance * tolerance
@@ -509,6 +510,24 @@ def plan_unloading(
                 matrix.scale(1.0 - RENEWED, mean_hessian),
                 matrix.scale(RENEWED, hessian),
             )
+            if dot(gradient, gradient) < least:
+                nearest, least = costate, dot(gradient, gradient)
+        if not converged:
+            costate = nearest
+    if not converged:
+        _evaluate_dual(
+            count,
+            rest,
+            effect,
+            STAGES[3],
+            price,
+            limits,
+            fee,
+            longest,
+            weight,
+            costate,
+            u,
+        )
     return tuple(u), steps, converged
 
 
