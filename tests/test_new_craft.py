@@ -22,6 +22,7 @@ from desat.components.physics.orbit import EARTH_RADIUS
 from desat.files.hardware import classes, quantity
 from desat.fmus import registry
 from desat.runs.prepare import prepare
+from desat.runs.run import execute
 from desat.sizing.requirements import SizingRequirements
 from desat.sizing.sizing import size
 from desat.system.errors import DesatError
@@ -576,3 +577,28 @@ def test_what_is_made_of_a_crafts_scenario_has_its_name(desat, tmp_path):
     assert "runs/mine/report.html" in result.stdout
     shown = desat("show", "mine", cwd=tmp_path, check=True)
     assert "parameters.manager.gain" in shown.stdout
+
+
+def test_wheels_and_coils_detumble_sooner_than_coils_alone(tmp_path: Path) -> None:
+    """And the law doubts what a craft of its class is not known to."""
+    folder = tmp_path / "mine"
+    write(folder, TWELVE, "desat new craft mine")
+    runs = {
+        name: execute(str(folder / f"{name}.toml"), Options(), tmp_path / name)
+        for name in ("detumbling", "rollout")
+    }
+    alone = runs["detumbling"].manifest.numbers["detumbled"].value * 60.0
+    together = runs["rollout"].manifest.numbers["detumbled"].value
+    assert together < 0.5 * alone
+    values = runs["rollout"].manifest.values_of("manager")
+    spreads = classes()["spreads"]["nano"]
+    for name in ("inertia", "coil", "coupling"):
+        assert values[f"{name}_spread"] == float(spreads[name])
+    wheels = runs["rollout"].manifest.values_of("wheels")
+    capacity = wheels["inertia_wheel"][0] * wheels["speed_limit"]
+    assert values["h_limit"] == pytest.approx(0.9 * capacity)
+
+
+def test_a_craft_without_rods_has_no_detumbling(tmp_path: Path) -> None:
+    made = write(tmp_path / "mine", GTO, "desat new craft mine").files
+    assert {x.name for x in made} == {"craft.toml", "nominal.toml", "worst.toml"}

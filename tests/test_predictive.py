@@ -451,7 +451,9 @@ def test_a_slew_ahead_is_that_of_the_guidance(seed: int, tmp_path: Path) -> None
 
 def test_a_slew_that_is_foreseen_takes_less(tmp_path: Path) -> None:
     numbers = [
-        execute(f"space_telescope/slew-{method}", Options(), tmp_path / method).manifest.numbers
+        execute(
+            f"space_telescope/slew-{method}", Options(), tmp_path / method
+        ).manifest.numbers
         for method in ("predictive", "foreseen")
     ]
     late, foreseen = numbers
@@ -468,7 +470,9 @@ def test_the_weight_of_standstill_is_what_null_space_momentum_follows(
     for weight in (0.05, 4.0):
         options = Options(sets=[f"manager.standstill_weight={weight}"])
         run = execute("integrated/predictive", options, tmp_path / f"w{weight}")
-        shares.append([run.manifest.numbers[n].value for n in ("near_zero", "null_end")])
+        shares.append(
+            [run.manifest.numbers[n].value for n in ("near_zero", "null_end")]
+        )
     (near, null), (far, held) = shares
     assert near > 90.0 > 1.0 > far
     assert held > 4.0 > 0.5 > null
