@@ -337,7 +337,6 @@ ACCEPTED: dict[str, dict[str, str]] = {
         "30 s": LIMIT,
         "95 %": LIMIT,
         "600 s": SOURCE,
-        "5 deg": LIMIT,
     },
 }
 """By page: the numbers that neither a generator nor a script makes, each with why it

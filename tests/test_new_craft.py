@@ -600,5 +600,5 @@ def test_wheels_and_coils_detumble_sooner_than_coils_alone(tmp_path: Path) -> No
 
 
 def test_a_craft_without_rods_has_no_detumbling(tmp_path: Path) -> None:
-    made = write(tmp_path / "mine", GTO, "desat new craft mine").files
-    assert {x.name for x in made} == {"craft.toml", "nominal.toml", "worst.toml"}
+    files = write(tmp_path / "mine", GTO, "desat new craft mine").files
+    assert {x.name for x in files} == {"craft.toml", "nominal.toml", "worst.toml"}

@@ -402,9 +402,12 @@ class ManagerPredictive(MomentumDumping, EarthField):
                 normalised(self.q_begin_bi), normalised(self.q_end_bi)
             )
             rotation = scale(angle, axis) if self.slew_body == ZERO else self.slew_body
-        self._slew = slew.Slew(
-            rotation, self.t_begin, max(self.t_end, self.t_begin + 1.0)
-        )
+        self._rotation = rotation
+
+    def _slew(self) -> slew.Slew:
+        """Return the slew that is foreseen."""
+        end = self.t_end if self.manoeuvre else self.t_begin + 1.0
+        return slew.Slew(self._rotation, self.t_begin, end)
 
     def _check_plan(self) -> None:
         """Refuse weights and times with which there is no plan."""
@@ -524,7 +527,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         model = scale(self._field_scale, model)
         self._remember(t, h)
         # whether the attitude is fixed to lvlh, or else to eci, but for a slew
-        resting = sub(rate, slew.rate_at(self._slew, t))
+        resting = sub(rate, slew.rate_at(self._slew(), t))
         turning = assumed or norm(sub(resting, orbital)) < norm(resting)
         if self._planned < 0.0 or t - self._planned >= self._period() - 1e-6:
             self._plan(t, q, lvlh, turning, rotate_back(q, h), sub(b, model))
@@ -1074,7 +1077,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         lvlh: orientation of lvlh from eci then; other arguments as of `_forecast`.
         """
         rest = product(from_lvlh, lvlh) if turning else q
-        return slew.attitude_at(self._slew, rest, t, t + ahead)
+        return slew.attitude_at(self._slew(), rest, t, t + ahead)
 
     def _effects(
         self, weight: float, q: Vec4, b: Vec3, dipoles: tuple[Vec3, Vec3, Vec3]
@@ -1219,7 +1222,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         (m2): r^2.
         """
         rate = rotate(q, scale(1.0 / size2, turn)) if turning else ZERO
-        rate = add(rate, slew.rate_at(self._slew, t))
+        rate = add(rate, slew.rate_at(self._slew(), t))
         return rotate_back(q, add(mat_vec(self._inertia, rate), self.h_target_body))
 
     def _torque(self, q: Vec4, lvlh: Vec4, r: Vec3, b: Vec3) -> Vec3:
