@@ -199,9 +199,24 @@ def update(
             for error in errors:
                 covariance[STATES * row + other] += error[row] * error[other]
     _correct(state, covariance, measured, noise)
-    for i in range(COILS, WAVES):
-        state[i] = min(max(state[i], -MOST), MOST)
+    _constrain(state, covariance)
     return tuple(state), tuple(covariance)
+
+
+def _constrain(x: list[float], p: list[float]) -> None:
+    """Hold e and f within MOST, in place.
+
+    What is beyond it is taken as an error, and so is what other parameters have with it by
+    P: a limit on one alone would let the others drift.
+    """
+    for i in range(COILS, WAVES):
+        limited = min(max(x[i], -MOST), MOST)
+        variance = p[STATES * i + i]
+        if limited != x[i] and variance > 0.0:
+            share = (limited - x[i]) / variance
+            for j in range(STATES):
+                x[j] += share * p[STATES * j + i]
+        x[i] = limited
 
 
 def judge(x: Table, p: Table, doubt: Doubt) -> Table:
@@ -238,8 +253,7 @@ def judge(x: Table, p: Table, doubt: Doubt) -> Table:
             kalman.correct(
                 state, covariance, column, found, variance * (1.0 + other / known)
             )
-    for i in range(COILS, WAVES):
-        state[i] = min(max(state[i], -MOST), MOST)
+    _constrain(state, covariance)
     return tuple(state)
 
 
