@@ -44,7 +44,7 @@ from . import figures as several
 from .series import Series
 from .sources import Change, Sources
 
-MORE = 200  # samples of a fault under which ours is worse than another law
+MORE = 5  # times the samples of a fault under which ours is worse than another law
 
 
 class Verbs:
@@ -79,7 +79,7 @@ class Verbs:
     ) -> str:
         """Under which faults scenarios break (`desat faults`): a sentence and a table
         for scenario -> label. Faults under which the first is worse than another fly
-        MORE samples; `tune` has the parameter of a scenario that is searched first. A
+        MORE times as many; `tune` has the parameter of a scenario that is searched first. A
         draft flies two samples and searches nothing."""
         free = {} if self._of.draft is not None else tune or {}
         names = [self._of.name_of(scenario) for scenario in laws]
@@ -92,7 +92,7 @@ class Verbs:
             measured=number,
             limits=limits or {},
             jobs=self._of.jobs,
-            more=MORE if self._of.draft is None else 0,
+            more=MORE * samples if self._of.draft is None else 0,
             free={self._of.name_of(scenario): name for scenario, name in free.items()},
         )
         # what was searched is said behind a scenario's name

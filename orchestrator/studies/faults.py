@@ -446,7 +446,7 @@ def _tuned(
     values = {**contender.options.values, parameter: found.best}
     return replace(
         contender,
-        label=f"{contender.label}, {parameter} = {found.best:.3g}",
+        label=f"{contender.label}, {parameter} = {number(found.best)}",
         options=replace(contender.options, values=values),
     )
 
