@@ -207,7 +207,7 @@ def new(
     >>> with tempfile.TemporaryDirectory() as here:
     ...     craft = new(f"{here}/my12u", size="12U", altitude="400km", rods="0.2")
     ...     sorted(p.name for p in craft.iterdir())
-    ['craft.toml', 'detumbling.toml', 'nominal.toml', 'worst.toml']
+    ['craft.toml', 'detumbling.toml', 'nominal.toml', 'rollout.toml', 'worst.toml']
     """
     import shlex
     from pathlib import Path

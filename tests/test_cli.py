@@ -756,6 +756,7 @@ def test_a_crafts_folder_is_known_to_all_that_take_a_target(desat, tmp_path):
     assert [row["name"] for row in listed] == [
         "mine",
         "mine/detumbling.toml",
+        "mine/rollout.toml",
         "mine/worst.toml",
     ]
     assert "not of a run" in desat("export", "mine", cwd=tmp_path).stderr
