@@ -515,7 +515,7 @@ def plan_unloading(
         if not converged:
             costate = nearest
     if not converged:
-        _evaluate_dual(
+        gradient, _ = _evaluate_dual(
             count,
             rest,
             effect,
@@ -528,6 +528,7 @@ def plan_unloading(
             costate,
             u,
         )
+        converged = dot(gradient, gradient) <= tolerance * tolerance
     return tuple(u), steps, converged
 
 
