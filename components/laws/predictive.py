@@ -528,7 +528,6 @@ def plan_unloading(
             costate,
             u,
         )
-        converged = dot(gradient, gradient) <= tolerance * tolerance
     return tuple(u), steps, converged
 
 
