@@ -104,14 +104,16 @@ def test_emptying_takes_hardly_more_than_the_linear_programme(seed: int) -> None
     most[:count] = [limit] * 3 + [8.0] * 3
     fee = np.tile([0.0] * 3 + [1.0] * 3, N)
     plan, _, settled = predictive.plan_unloading(
-        count,
-        tuple(x0),
-        tuple(map(tuple, effect.reshape(-1, 3).tolist())),
-        2e-3,
-        (limit,) * 3,
-        (1.0,) * N,
-        tuple(most[:, 3:].ravel().tolist()),
-        10.0 / (tau * tau * 0.05),
+        predictive.UnloadingProblem(
+            count,
+            tuple(x0),
+            tuple(map(tuple, effect.reshape(-1, 3).tolist())),
+            2e-3,
+            (limit,) * 3,
+            (1.0,) * N,
+            tuple(most[:, 3:].ravel().tolist()),
+            10.0 / (tau * tau * 0.05),
+        ),
         2e-5,
         12.5,
     )
@@ -142,14 +144,16 @@ def test_plans_to_empty_converge(seed: int) -> None:
     longest = np.full((N, 3), 5.0)
     longest[0] = 10.0
     _, _, settled = predictive.plan_unloading(
-        count,
-        tuple(x0.tolist()),
-        tuple(map(tuple, effect.reshape(-1, 3).tolist())),
-        2e-3,
-        (36.0,) * 3,
-        tuple((1.0 - 1e-3 * np.arange(N) / count).tolist()),
-        tuple(longest.ravel().tolist()),
-        10.0 / (tau * tau * 0.05),
+        predictive.UnloadingProblem(
+            count,
+            tuple(x0.tolist()),
+            tuple(map(tuple, effect.reshape(-1, 3).tolist())),
+            2e-3,
+            (36.0,) * 3,
+            tuple((1.0 - 1e-3 * np.arange(N) / count).tolist()),
+            tuple(longest.ravel().tolist()),
+            10.0 / (tau * tau * 0.05),
+        ),
         2e-5,
         12.5,
     )

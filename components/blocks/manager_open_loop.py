@@ -5,12 +5,12 @@ from math import floor
 
 from ..bases.dumping import FALLBACK
 from ..bases.earth_field import EarthField
+from ..bases.known_slew import KnownSlew
 from ..bases.momentum_management import MomentumManagement, NominalProfile
-from ..contract.block import TURN, Mat33, Output, Parameter, Vec3, Vec4
+from ..contract.block import Mat33, Output, Parameter, Vec3, Vec4
 from ..contract.fitting import Law
-from ..contract.roles import UPRIGHT
 from ..laws import momentum_management as laws
-from ..laws.attitude_control import eigenaxis, rest_to_rest
+from ..laws.attitude_control import rest_to_rest
 from ..maths.attitude import matrix, normalised, propagated, rotate, rotate_back
 from ..maths.vector import ZERO, add, cross, mat_vec, norm, scale, sub
 from ..physics.geomagnetic import dipole
@@ -30,7 +30,7 @@ NOTHING: Mat33 = (0.0,) * 9
 LARGEST = 1e30  # value of `condition` for a singular costate
 
 
-class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
+class ManagerOpenLoop(MomentumManagement, NominalProfile, KnownSlew, EarthField):
     """Open-loop momentum management
 
     Every `update_period` from t_i on, over the samples until t_f = t_i +
@@ -98,14 +98,6 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
     field_tilt: bool = Parameter(
         "1", "false: its dipole lies along the Earth's axis", start=True
     )
-    manoeuvre: bool = Parameter("1", "true: the slew below is planned for")
-    q_begin_bi: Vec4 = Parameter("1", "attitude before the slew", start=UPRIGHT)
-    q_end_bi: Vec4 = Parameter("1", "attitude after the slew", start=UPRIGHT)
-    slew_body: Vec3 = Parameter(
-        "rad", "the slew as a rotation vector, body; 0: q_end_bi counts", usual=TURN
-    )
-    t_begin: float = Parameter("s", "when the slew begins")
-    t_end: float = Parameter("s", "when it ends", start=5400.0)
     lead_time: float = Parameter(
         "s", "from the period's begin to the slew's", start=600.0, min=0.0
     )
@@ -128,16 +120,9 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
             )
         self._in_samples("desaturation_period", self.desaturation_period)
         self._in_samples("update_period", self.update_period)
-        if self.manoeuvre and self.t_end <= self.t_begin:
-            self.fail(
-                f"t_end = {self.t_end} s must be after t_begin = {self.t_begin} s"
-            )
+        self.start_slew()
         self.start_field(igrf=self.field_model == IGRF)
         self._q_begin = normalised(self.q_begin_bi)
-        axis, angle = eigenaxis(self._q_begin, normalised(self.q_end_bi))
-        self._rotation = (
-            scale(angle, axis) if self.slew_body == ZERO else self.slew_body
-        )
         self._costate = self._last = ZERO
         self._solved = False
         self._next = -1.0

@@ -5,18 +5,9 @@ from math import copysign, inf, pi, sqrt
 
 from ..bases.dumping import DUMPING, FALLBACK, IDLE, MomentumDumping
 from ..bases.earth_field import EarthField
-from ..contract.block import (
-    TURN,
-    Mat33,
-    Mat34,
-    Output,
-    Parameter,
-    Table,
-    Vec3,
-    Vec4,
-)
+from ..bases.known_slew import KnownSlew
+from ..contract.block import Mat33, Mat34, Output, Parameter, Table, Vec3, Vec4
 from ..contract.fitting import Law, Need
-from ..contract.roles import UPRIGHT
 from ..laws import (
     attitude_error,
     cross_product,
@@ -26,7 +17,6 @@ from ..laws import (
     thrust_limit,
 )
 from ..laws import disturbance_learning as learning
-from ..laws.attitude_control import eigenaxis
 from ..laws.blending import Split
 from ..laws.integrated import null_torque, null_vector
 from ..laws.momentum_management import reduced, without
@@ -89,7 +79,7 @@ AXES: tuple[Vec3, Vec3, Vec3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.
 AT_1, AT_2 = 0.21132486540518713, 0.7886751345948129  # Gauss points
 
 
-class ManagerPredictive(MomentumDumping, EarthField):
+class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
     """One law for every craft: plans on a forecast of field and torque, replanned as it
     goes
 
@@ -112,10 +102,10 @@ class ManagerPredictive(MomentumDumping, EarthField):
     with h_p the largest wheel momentum of the last orbit. The law removes momentum at
     about the rate sqrt(w_m) n, n by default. This is the rate for a wheel that is
     filled to 5 %. With less in the wheels they take longer to fill, and the rate falls
-    in proportion, so that no energy is spent to keep empty wheels emptier. With `goal` empty the cost is
-    the thrusters' time, weighted by the third, and X is to be zero at `end`; thrusters
-    are used for this goal only. Between plans a coil follows the plan's costate with
-    the measured field.
+    in proportion, so that no energy is spent to keep empty wheels emptier. With `goal`
+    empty the cost is the thrusters' time, weighted by the third, and X is to be zero at
+    `end`; thrusters are used for this goal only. Between plans a coil follows the
+    plan's costate with the measured field.
 
     The forecast assumes two-body motion from r_eci and v_eci. The attitude is fixed to
     lvlh or eci, whichever the measured rate is nearer to (or at `q_bo` from lvlh). With
@@ -150,16 +140,16 @@ class ManagerPredictive(MomentumDumping, EarthField):
     Where the measured field differs from the model by more than 0.3 of it, or a plan to
     hold has not converged after 30 steps, `mode` is fallback: M = n (h x B) / |B|^2,
     the cross-product law, until the next plan. If the optimiser of a plan to empty has
-    not converged after four stages of 80 trials, the iterate that ends nearest is flown. Without a
-    valid field there is no dipole; without a valid attitude nothing is commanded. The wheels are
-    commanded as by `manager_cross_product`. Their momentum in the null space, which no
-    coil can remove, decays at `null_gain`, or at the rate n, to twice the largest
-    momentum that a wheel had otherwise in the last orbit. This residual keeps the
-    wheels away from zero speed; a smaller one is not increased. With
+    not converged after four stages of 80 trials, the iterate that ends nearest is
+    flown. Without a valid field there is no dipole; without a valid attitude nothing is
+    commanded. The wheels are commanded as by `manager_cross_product`. Their momentum in
+    the null space, which no coil can remove, decays at `null_gain`, or at the rate n,
+    to twice the largest momentum that a wheel had otherwise in the last orbit. This
+    residual keeps the wheels away from zero speed; a smaller one is not increased. With
     `standstill_weight` it is held at this many times the largest momentum that a wheel
-    had otherwise plus 0.02 `h_limit`: a small weight empties the null space, a weight of
-    1 keeps all wheels with equal shares in the null space from standstill. No wheel is
-    filled beyond 0.9 of a capacity that is known.
+    had otherwise plus 0.02 `h_limit`: a small weight empties the null space, a weight
+    of 1 keeps all wheels with equal shares in the null space from standstill. No wheel
+    is filled beyond 0.9 of a capacity that is known.
     """
 
     craft_needs = (Need.COILS,)
@@ -272,14 +262,6 @@ class ManagerPredictive(MomentumDumping, EarthField):
         "assumed attitude: body from lvlh, scalar last; normalised",
         start=(0.0, 0.0, 0.0, 1.0),
     )
-    manoeuvre: bool = Parameter("1", "true: the slew below is planned for")
-    q_begin_bi: Vec4 = Parameter("1", "attitude before the slew", start=UPRIGHT)
-    q_end_bi: Vec4 = Parameter("1", "attitude after the slew", start=UPRIGHT)
-    slew_body: Vec3 = Parameter(
-        "rad", "the slew as a rotation vector, body; 0: q_end_bi counts", usual=TURN
-    )
-    t_begin: float = Parameter("s", "when the slew begins")
-    t_end: float = Parameter("s", "when it ends", start=5400.0)
     field_model: int = Parameter(
         "1",
         "model of the field ahead",
@@ -367,7 +349,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._q: Vec4 = (0.0, 0.0, 0.0, 1.0)
         self._r = self._v = ZERO
         self._start_correction()
-        self._start_slew()
+        self.start_slew()
         self._fields = self._models = 0.0
         self._field_scale = 1.0
         self._planned = -1.0
@@ -386,23 +368,9 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._error: Table = (0.0,) * attitude_error.STATES
         self._error_p = attitude_error.first_covariance(self.field_spread)
         self._correction: Vec4 = (0.0, 0.0, 0.0, 1.0)
-        self._misaligned = False
+        self._is_misaligned = False
         self._field_variance = self.field_noise * self.field_noise
         self._measurements = 0.0
-
-    def _start_slew(self) -> None:
-        """Keep the slew that is foreseen; without a manoeuvre its rotation is zero."""
-        rotation = ZERO
-        if self.manoeuvre:
-            if self.t_end <= self.t_begin:
-                self.fail(
-                    f"t_end = {self.t_end} s must be after t_begin = {self.t_begin} s"
-                )
-            axis, angle = eigenaxis(
-                normalised(self.q_begin_bi), normalised(self.q_end_bi)
-            )
-            rotation = scale(angle, axis) if self.slew_body == ZERO else self.slew_body
-        self._rotation = rotation
 
     def _slew(self) -> slew.Slew:
         """Return the slew that is foreseen."""
@@ -571,11 +539,11 @@ class ManagerPredictive(MomentumDumping, EarthField):
                 share = 1.0 / (self._measurements + NOISE_WEIGHT)
                 self._field_variance *= 1.0 + share * (ratio - 1.0)
             self._measurements += 1.0
-        self._misaligned = self._misaligned or (
+        self._is_misaligned = self._is_misaligned or (
             self._measurements >= FEWEST_MEASUREMENTS
             and attitude_error.is_significant(self._error, self._error_p)
         )
-        if not self._misaligned:
+        if not self._is_misaligned:
             return q
         correction = attitude_error.rotation(self._error)
         before = self._q
@@ -1162,7 +1130,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         least = level * self.least_pulse
         weight = 10.0 * self.weights[2] / (level * least)
         near, stride = 0.01 * least, 0.5 * self.weights[2] / level
-        u, self.plan_steps, _ = predictive.plan_unloading(
+        problem = predictive.UnloadingProblem(
             count,
             rest,
             effect,
@@ -1171,16 +1139,15 @@ class ManagerPredictive(MomentumDumping, EarthField):
             tuple(fee),
             self._longest_firings(count, dt),
             weight,
-            near,
-            stride,
         )
+        u, self.plan_steps, _ = predictive.plan_unloading(problem, near, stride)
         thrust = (self._pulse(u[3], 0), self._pulse(u[4], 1), self._pulse(u[5], 2))
         if count == 1:
             # the coils compensate the rounding of the pulses
             for j in range(3):
                 on = thrust[j] * self.sample_time / max(self.tau_level[j], 1e-9)
                 rest = add(rest, scale(on, effect[predictive.COILS + j]))
-            u, _, _ = predictive.plan_unloading(
+            problem = predictive.UnloadingProblem(
                 count,
                 rest,
                 effect,
@@ -1189,9 +1156,8 @@ class ManagerPredictive(MomentumDumping, EarthField):
                 tuple(fee),
                 NO_FIRING,
                 weight,
-                near,
-                stride,
             )
+            u, _, _ = predictive.plan_unloading(problem, near, stride)
         commands, _, _ = self._axes()
         m = ZERO
         for j in range(3):

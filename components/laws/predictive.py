@@ -120,6 +120,19 @@ class PathProblem(NamedTuple):
     stiffness: float  # q
 
 
+class UnloadingProblem(NamedTuple):
+    """What `plan_unloading` plans: intervals, actuators and costs, in one inertial frame."""
+
+    intervals: int  # their number
+    rest: Vec3  # X_0 + sum D, the momentum without the actuators (N m s)
+    effect: Vectors  # g_kj, ACTUATORS an interval, coils first (N m s by a unit of u)
+    price: float  # r of a second, and of a coil's whole dipole
+    limits: Vec3  # the coils' whole dipoles (A m2)
+    fee: Table  # c of the thrusters in each interval
+    longest: Table  # u_max (s) of the thrusters, THRUSTERS an interval
+    weight: float  # W
+
+
 class Sweep(NamedTuple):
     """What a backward sweep gives the forward sweep, interval by interval.
 
@@ -406,37 +419,14 @@ def _sweep_forward(
 
 
 def plan_unloading(
-    count: int,
-    rest: Vec3,
-    effect: Vectors,
-    price: float,
-    limits: Vec3,
-    fee: Table,
-    longest: Table,
-    weight: float,
-    tolerance: float,
-    stride: float,
+    problem: UnloadingProblem, tolerance: float, stride: float
 ) -> tuple[Table, int, bool]:
-    """Plan dipoles and on-times that lead X_0 + sum D = `rest` (N m s) to zero.
+    """Plan dipoles and on-times that lead the momentum to zero.
 
     Parameters
     ----------
-    count : int
-        Number of intervals.
-    rest : Vec3
-        The momentum without the actuators (N m s, inertial).
-    effect : Vectors
-        g, ACTUATORS vectors an interval, coils first.
-    price : float
-        r of a second, and of a coil's whole dipole.
-    limits : Vec3
-        The coils' whole dipoles (A m2).
-    fee : Table
-        c of the thrusters in each interval.
-    longest : Table
-        u_max (s) of the thrusters, THRUSTERS an interval.
-    weight : float
-        W.
+    problem : UnloadingProblem
+        What is planned.
     tolerance : float
         Between the end and the one that W implies (N m s).
     stride : float
@@ -451,19 +441,7 @@ def plan_unloading(
     costate = ZERO
     steps, converged = 0, False
     for stage in STAGES:
-        gradient, hessian = _evaluate_dual(
-            count,
-            rest,
-            effect,
-            stage,
-            price,
-            limits,
-            fee,
-            longest,
-            weight,
-            costate,
-            u,
-        )
+        gradient, hessian = _evaluate_dual(problem, stage, costate, u)
         steps += 1
         mean_hessian = hessian
         nearest, least = costate, dot(gradient, gradient)
@@ -481,19 +459,7 @@ def plan_unloading(
             low, low_slope, high, high_slope = 0.0, slope, 1.0, 0.0
             for _ in range(SEARCHES):
                 costate = add(begin, scale(fraction, step))
-                gradient, hessian = _evaluate_dual(
-                    count,
-                    rest,
-                    effect,
-                    stage,
-                    price,
-                    limits,
-                    fee,
-                    longest,
-                    weight,
-                    costate,
-                    u,
-                )
+                gradient, hessian = _evaluate_dual(problem, stage, costate, u)
                 trials += 1
                 steps += 1
                 here = dot(gradient, step)
@@ -515,64 +481,43 @@ def plan_unloading(
         if not converged:
             costate = nearest
     if not converged:
-        gradient, _ = _evaluate_dual(
-            count,
-            rest,
-            effect,
-            STAGES[3],
-            price,
-            limits,
-            fee,
-            longest,
-            weight,
-            costate,
-            u,
-        )
+        gradient, _ = _evaluate_dual(problem, STAGES[3], costate, u)
     return tuple(u), steps, converged
 
 
 def _evaluate_dual(
-    count: int,
-    rest: Vec3,
-    effect: Vectors,
-    stage: float,
-    price: float,
-    limits: Vec3,
-    fee: Table,
-    longest: Table,
-    weight: float,
-    costate: Vec3,
-    u: list[float],
+    problem: UnloadingProblem, stage: float, costate: Vec3, u: list[float]
 ) -> tuple[Vec3, Mat33]:
     """Fill `u` with the plan that a costate asks for; return derivatives of the dual.
 
     The dual is the concave function that the costate maximises. Returns its gradient
     (N m s), which is the end less the one that W implies, and its Hessian's opposite.
     """
-    gradient = sub(rest, scale(1.0 / weight, costate))
-    w = 1.0 / weight
+    w = 1.0 / problem.weight
+    gradient = sub(problem.rest, scale(w, costate))
     xx, xy, xz, yy, yz, zz = w, 0.0, 0.0, w, 0.0, w
-    for i in range(ACTUATORS * count):
+    for i in range(ACTUATORS * problem.intervals):
         k, j = i // ACTUATORS, i % ACTUATORS
         if j < COILS:
-            limit, deadband = limits[j], 0.0
+            limit, deadband = problem.limits[j], 0.0
             unit = max(limit * limit, 1e-12)
         else:
-            limit, deadband = longest[THRUSTERS * k + j - COILS], fee[k]
+            limit = problem.longest[THRUSTERS * k + j - COILS]
+            deadband = problem.fee[k]
             unit = 1.0
-        pull = dot(effect[i], costate)
+        pull = dot(problem.effect[i], costate)
         excess = abs(pull) - deadband
-        r = stage * (price / unit)
+        r = stage * (problem.price / unit)
         v = 0.0
         if excess > 0.0 and limit > 0.0:
             v = excess / r
             if v < limit:
-                a, b, c = effect[i]
+                a, b, c = problem.effect[i]
                 xx, xy, xz = xx + a * a / r, xy + a * b / r, xz + a * c / r
                 yy, yz, zz = yy + b * b / r, yz + b * c / r, zz + c * c / r
             v = min(v, limit)
             v = -v if pull > 0.0 else v
-            gradient = add(gradient, scale(v, effect[i]))
+            gradient = add(gradient, scale(v, problem.effect[i]))
         u[i] = v
     return gradient, (xx, xy, xz, xy, yy, yz, xz, yz, zz)
 

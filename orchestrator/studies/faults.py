@@ -309,16 +309,16 @@ def fly_faults(
         _tuned(c, _free_of(c, free), measured, seed + 1, jobs) for c in contenders
     ]
     names = (PEAK,) if PEAK in (measured, *limits) else ()
-    fly = _Fly(seed, names, jobs, progress)
+    runner = _SampleRunner(seed, names, jobs, progress)
     with tempfile.TemporaryDirectory() as folder:
         flights, without = _flights(contenders, faults, options, Path(folder))
-        rows = fly(flights, range(count))
+        rows = runner(flights, range(count))
         table = _table(flights, rows, measured, limits)
         if more > count:
             worse = [x for x in flights if _is_worse(table[x.fault.name][1])]
             for k, added in zip(
                 (k for k, x in enumerate(flights) if x in worse),
-                fly(worse, range(count, more)),
+                runner(worse, range(count, more)),
                 strict=True,
             ):
                 rows[k] += added
@@ -336,7 +336,7 @@ def fly_faults(
 
 
 @dataclass(frozen=True)
-class _Fly:
+class _SampleRunner:
     """How samples are flown."""
 
     seed: int
