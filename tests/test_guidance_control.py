@@ -221,7 +221,12 @@ def test_a_slew_as_a_rotation_vector_is_the_one_to_where_it_leads():
     by_end = block("guidance_slew", **SLEW)
     for t in (0.0, 2000.0, 5500.0):
         assert slew_at(by_vector, t) == slew_at(by_end, t)
-    manager = block("manager_open_loop", slew_body=by_vector.slew_body, q_begin_bi=TURN)
+    manager = block(
+        "manager_open_loop",
+        manoeuvre=True,
+        slew_body=by_vector.slew_body,
+        q_begin_bi=TURN,
+    )
     assert manager._rotation == by_end._rotation
 
 

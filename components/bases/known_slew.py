@@ -1,4 +1,4 @@
-"""Provide a slew that is known before a run to the managers that plan for it."""
+"""Provide a slew that is known before a run, to guidance and to managers."""
 
 from __future__ import annotations
 
@@ -9,32 +9,54 @@ from ..maths.attitude import normalised
 from ..maths.vector import ZERO, scale
 
 
-class KnownSlew(Block):
-    """Parameters of a slew, which are those of `guidance_slew`.
+class Slew(Block):
+    """Parameters of a slew about one axis, from rest to rest.
 
-    A block calls `start_slew` before it uses `_rotation`, the slew's rotation vector
-    (rad, body); without a manoeuvre there is none, and it is zero.
+    A block calls `start_slew` before it uses `_q_begin`, the attitude before the slew,
+    and `_rotation`, the slew's rotation vector (rad, body).
     """
 
-    manoeuvre: bool = Parameter("1", "true: the slew below is planned for")
-    q_begin_bi: Vec4 = Parameter("1", "attitude before the slew", start=UPRIGHT)
-    q_end_bi: Vec4 = Parameter("1", "attitude after the slew", start=UPRIGHT)
-    slew_body: Vec3 = Parameter(
-        "rad", "the slew as a rotation vector, body; 0: q_end_bi counts", usual=TURN
+    q_begin_bi: Vec4 = Parameter(
+        "1", "attitude before: body from eci, scalar last; normalised", start=UPRIGHT
     )
-    t_begin: float = Parameter("s", "when the slew begins")
-    t_end: float = Parameter("s", "when it ends", start=5400.0)
+    q_end_bi: Vec4 = Parameter(
+        "1", "attitude after: body from eci, scalar last; normalised", start=UPRIGHT
+    )
+    slew_body: Vec3 = Parameter(
+        "rad",
+        "the slew as a rotation vector, body, in place of q_end_bi; 0: q_end_bi counts",
+        usual=TURN,
+    )
+    t_begin: float = Parameter("s", "time at which the slew begins")
+    t_end: float = Parameter("s", "time at which it ends, after t_begin", start=5400.0)
 
     def start_slew(self) -> None:
-        """Compute the slew's rotation; refuse a slew that ends before it begins."""
-        self._rotation = ZERO
-        if not self.manoeuvre:
-            return
+        """Compute the slew's rotation.
+
+        Refuses a slew that ends before it begins, and a quaternion of zero.
+        """
+        for name in ("q_begin_bi", "q_end_bi"):
+            if not any(getattr(self, name)):
+                self.fail(f"{name} is zero; it must be a quaternion")
         if self.t_end <= self.t_begin:
             self.fail(
                 f"t_end = {self.t_end} s must be after t_begin = {self.t_begin} s"
             )
-        axis, angle = eigenaxis(normalised(self.q_begin_bi), normalised(self.q_end_bi))
+        self._q_begin = normalised(self.q_begin_bi)
+        axis, angle = eigenaxis(self._q_begin, normalised(self.q_end_bi))
         self._rotation = (
             scale(angle, axis) if self.slew_body == ZERO else self.slew_body
         )
+
+
+class KnownSlew(Slew):
+    """A slew that a manager plans for if `manoeuvre` is true."""
+
+    manoeuvre: bool = Parameter("1", "true: the slew is planned for")
+
+    def start_known_slew(self) -> None:
+        """Compute the slew's rotation, which is zero without a manoeuvre."""
+        self._q_begin = UPRIGHT
+        self._rotation = ZERO
+        if self.manoeuvre:
+            self.start_slew()

@@ -1,13 +1,13 @@
 from __future__ import annotations
 
-from ..contract.block import TURN, Parameter, Vec3, Vec4
-from ..contract.roles import UPRIGHT, Guidance
-from ..laws.attitude_control import eigenaxis, rest_to_rest
-from ..maths.attitude import normalised, propagated
-from ..maths.vector import ZERO, scale
+from ..bases.known_slew import Slew
+from ..contract.roles import Guidance
+from ..laws.attitude_control import rest_to_rest
+from ..maths.attitude import propagated
+from ..maths.vector import scale
 
 
-class GuidanceSlew(Guidance):
+class GuidanceSlew(Guidance, Slew):
     """Tracked slew about the eigenaxis, rest to rest
 
         s = 10 u^3 - 15 u^4 + 6 u^5,        u = (t - t_begin) / (t_end - t_begin) in [0, 1]
@@ -23,34 +23,9 @@ class GuidanceSlew(Guidance):
     profile; the quintic is ours.
     """
 
-    q_begin_bi: Vec4 = Parameter(
-        "1", "attitude before: body from eci, scalar last; normalised", start=UPRIGHT
-    )
-    q_end_bi: Vec4 = Parameter(
-        "1", "attitude after: body from eci, scalar last; normalised", start=UPRIGHT
-    )
-    slew_body: Vec3 = Parameter(
-        "rad",
-        "the slew as a rotation vector, body, in place of q_end_bi; 0: q_end_bi counts",
-        usual=TURN,
-    )
-    t_begin: float = Parameter("s", "time at which the slew begins")
-    t_end: float = Parameter("s", "time at which it ends, after t_begin", start=5400.0)
-
     def start(self) -> None:
         super().start()
-        for name in ("q_begin_bi", "q_end_bi"):
-            if not any(getattr(self, name)):
-                self.fail(f"{name} is zero; it must be a quaternion")
-        if self.t_end <= self.t_begin:
-            self.fail(
-                f"t_end = {self.t_end} s must be after t_begin = {self.t_begin} s"
-            )
-        self._q_begin = normalised(self.q_begin_bi)
-        axis, angle = eigenaxis(self._q_begin, normalised(self.q_end_bi))
-        self._rotation = (
-            scale(angle, axis) if self.slew_body == ZERO else self.slew_body
-        )
+        self.start_slew()
         self._point(0.0)
 
     def advance(self, t: float, dt: float) -> None:

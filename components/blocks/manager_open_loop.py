@@ -120,9 +120,8 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, KnownSlew, EarthField)
             )
         self._in_samples("desaturation_period", self.desaturation_period)
         self._in_samples("update_period", self.update_period)
-        self.start_slew()
+        self.start_known_slew()
         self.start_field(igrf=self.field_model == IGRF)
-        self._q_begin = normalised(self.q_begin_bi)
         self._costate = self._last = ZERO
         self._solved = False
         self._next = -1.0

@@ -349,7 +349,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         self._q: Vec4 = (0.0, 0.0, 0.0, 1.0)
         self._r = self._v = ZERO
         self._start_correction()
-        self.start_slew()
+        self.start_known_slew()
         self._fields = self._models = 0.0
         self._field_scale = 1.0
         self._planned = -1.0
