@@ -183,7 +183,7 @@ def test_filter_finds_a_dead_and_a_turned_coil() -> None:
         1,
     ]
     true += [0.0] * 6
-    spreads = learning.spreads(1e-3, 0.1, 1e-3)
+    spreads = learning.spreads(1e-3, 0.0, 0.1, 1e-3)
     h = [0.1, -0.2, 0.3]
     x, p = learning.first_state((0.1, -0.2, 0.3)), learning.first_covariance(spreads)
     for k in range(400):
@@ -408,7 +408,7 @@ def test_a_day_is_held_low_and_a_strange_field_falls_back(tmp_path: Path) -> Non
 
 def test_a_thruster_is_known_until_it_is_doubted() -> None:
     """A thruster axis that gives half is found, although it is known to 1 % at first."""
-    spreads = learning.spreads(1e-6, 0.1, 1e-4)
+    spreads = learning.spreads(1e-6, 0.0, 0.1, 1e-4)
     x, p = learning.first_state((0.0, 0.0, 0.0)), learning.first_covariance(spreads)
     first = learning.THRUSTERS - learning.MOMENTUM_STATES
     impulse, h = 0.2, 0.0

@@ -11,7 +11,7 @@ from ..contract.block import Mat33, Output, Parameter, Vec3, Vec4
 from ..contract.fitting import Law
 from ..laws import momentum_management as laws
 from ..laws.attitude_control import rest_to_rest
-from ..maths.attitude import matrix, normalised, propagated, rotate, rotate_back
+from ..maths.attitude import matrix, propagated, rotate, rotate_back
 from ..maths.vector import ZERO, add, cross, mat_vec, norm, scale, sub
 from ..physics.geomagnetic import dipole
 from ..physics.orbit import (

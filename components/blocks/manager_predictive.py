@@ -22,7 +22,10 @@ from ..laws.integrated import null_torque, null_vector
 from ..laws.momentum_management import reduced, without
 from ..maths.attitude import inverse, normalised, product, rotate, rotate_back
 from ..maths.vector import ZERO, add, cross, dot, mat_vec, norm, scale, sub
+from ..physics import atmosphere
 from ..physics.orbit import (
+    EARTH_RADIUS,
+    MU,
     elements_from_state,
     ellipse_state,
     lvlh_attitude,
@@ -38,14 +41,13 @@ NADIR, _, IGRF = range(3)
 PLAN_TIME = 30.0  # s, shortest time between plans
 ORBITS = 1.5  # horizon of a plan
 LONGEST_INTERVAL = 0.05  # of a plan, in orbits
-# Weight of momentum against energy, goal hold: q = (STIFFNESS n)^2 / b^2,
-# w_p = PEAK q h_s^2, h_s = PEAK_SCALE times the peak.
-STIFFNESS = 1.0
+# Weight of momentum against energy, goal hold: q = n^2 / b^2, w_p = PEAK q h_s^2,
+# h_s = PEAK_SCALE times the peak.
 PEAK = 0.1
 PEAK_SCALE = 0.85
 # Goal hold: wheels count as empty below this share of their capacity (1), and the weight
 # of momentum falls there, but not below LEAST_SHARE squared of the whole weight.
-EMPTY_FILL = 0.05
+EMPTY_FILL = 0.02
 LEAST_SHARE = 1e-2
 LEAST_EIGENVALUE = 1e-3  # of the coils' price, relative to its mean
 LEAST_ENERGY = 0.05  # relative price of a dipole of a coil that gives none
@@ -55,6 +57,11 @@ PATIENCE = 1e-3  # goal empty: relative discount of a last second against a firs
 MISALIGNMENT = 0.1
 NO_FIRING: Table = (0.0,) * (predictive.THRUSTERS * predictive.INTERVALS)
 TORQUE_SPREAD = 0.5  # prior deviation of constant torques, relative to n^2 J
+# The same of torques fixed to lvlh, in addition: that of the air at the perigee on a cube
+# of BULK_DENSITY (kg/m3), at AIR_ARM of its side from the centre of mass.
+BULK_DENSITY = 1000.0
+DRAG_COEFFICIENT = 2.2
+AIR_ARM = 0.1
 DIPOLE_SPREAD = 0.1  # prior deviation of the craft's own dipole, relative to m_limit
 # Least torque that is not modelled, relative to n^2 J and to the torques that are known,
 # for a sixth of an orbit at a time.
@@ -69,11 +76,15 @@ STANDSTILL = 0.02
 # Share of its capacity (1) to which momentum in the null space may fill a wheel.
 MOST_FILL = 0.9
 BINS = 8  # parts of an orbit whose largest wheel momenta are stored
-# Relative difference of measured and model field beyond which the law falls back.
+# Difference of measured and model field beyond which the law falls back: relative, and
+# in addition in standard deviations of a measured component. Far from the Earth the
+# field is as small as its noise.
 FIELD_MISMATCH = 0.3
+FIELD_DEVIATIONS = 5.0
 # Goal empty: weight of `field_noise` in measurements against the noise that is seen, and
 # least number of measurements from which an error of the attitude is corrected.
 NOISE_WEIGHT = 0.3
+LEAST_FIELD_NOISE = 1e-10  # T, with which an attitude error is learnt
 FEWEST_MEASUREMENTS = 2.0
 AXES: tuple[Vec3, Vec3, Vec3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 AT_1, AT_2 = 0.21132486540518713, 0.7886751345948129  # Gauss points
@@ -91,17 +102,19 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         sum dt [ w_e u^2 / 2 + q |X|^2 / 2 + 0.1 q h_s^2 sum (h_i / h_s)^16 ]        (hold)
 
     where X is the wheel momentum minus its target (eci), u the dipole that the coils
-    really give and h_i the momentum of wheel i. q = w_m n^2 / b^2 with n the orbit rate
-    and b^2 half the mean of sum |a_j x B|^2. h_s is 0.85 times the largest wheel
-    momentum of the last orbit and of the plan without this term. w_m and w_e are the
-    first two of the `weights`, the same for every craft. Where the capacity `h_limit`
-    of a wheel is known, w_m is multiplied by
+    really give and h_i the momentum of wheel i. q = w_m n^2 / b^2 with b^2 half the mean
+    of sum |a_j x B|^2, and n^2 the mean square of the orbit's angular rate with the
+    weight sum |a_j x B|^2: n is the orbit rate, and on an eccentric orbit the rate near
+    the perigee, where coils act. h_s is 0.85 times the largest wheel momentum of the
+    last orbit and of the plan without this term. w_m and w_e are the first two of the
+    `weights`, the same for every craft. Where the capacity `h_limit` of a wheel is
+    known, w_m is multiplied by
 
-        min(1, h_p / (0.05 h_limit))^2
+        min(1, h_p / (0.02 h_limit))^2
 
     with h_p the largest wheel momentum of the last orbit. The law removes momentum at
     about the rate sqrt(w_m) n, n by default. This is the rate for a wheel that is
-    filled to 5 %. With less in the wheels they take longer to fill, and the rate falls
+    filled to 2 %. With less in the wheels they take longer to fill, and the rate falls
     in proportion, so that no energy is spent to keep empty wheels emptier. With `goal`
     empty the cost is the thrusters' time, weighted by the third, and X is to be zero at
     `end`; thrusters are used for this goal only. Between plans a coil follows the
@@ -137,19 +150,20 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
     attitude. The noise of the field begins at `field_noise` and follows from the
     measurements.
 
-    Where the measured field differs from the model by more than 0.3 of it, or a plan to
-    hold has not converged after 30 steps, `mode` is fallback: M = n (h x B) / |B|^2,
-    the cross-product law, until the next plan. If the optimiser of a plan to empty has
-    not converged after four stages of 80 trials, the iterate that ends nearest is
-    flown. Without a valid field there is no dipole; without a valid attitude nothing is
-    commanded. The wheels are commanded as by `manager_cross_product`. Their momentum in
-    the null space, which no coil can remove, decays at `null_gain`, or at the rate n,
-    to twice the largest momentum that a wheel had otherwise in the last orbit. This
-    residual keeps the wheels away from zero speed; a smaller one is not increased. With
-    `standstill_weight` it is held at this many times the largest momentum that a wheel
-    had otherwise plus 0.02 `h_limit`: a small weight empties the null space, a weight
-    of 1 keeps all wheels with equal shares in the null space from standstill. No wheel
-    is filled beyond 0.9 of a capacity that is known.
+    Where the measured field differs from the model by more than 0.3 of it and five
+    deviations `field_noise`, or a plan to hold has not converged after 30 steps, `mode`
+    is fallback: M = n (h x B) / |B|^2, the cross-product law, until the next plan. If
+    the optimiser of a plan to empty has not converged after four stages of 80 trials,
+    the iterate that ends nearest is flown. Without a valid field there is no dipole;
+    without a valid attitude nothing is commanded. The wheels are commanded as by
+    `manager_cross_product`. Their momentum in the null space, which no coil can remove,
+    decays at `null_gain`, or at the rate n, to twice the largest momentum that a wheel
+    had otherwise in the last orbit. This residual keeps the wheels away from zero
+    speed; a smaller one is not increased. With `standstill_weight` it is held at this
+    many times the largest momentum that a wheel had otherwise plus 0.02 `h_limit`: a
+    small weight empties the null space, a weight of 1 keeps all wheels with equal
+    shares in the null space from standstill. No wheel is filled beyond 0.9 of a
+    capacity that is known.
     """
 
     craft_needs = (Need.COILS,)
@@ -158,6 +172,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             "predictive",
             {
                 "goal": "hold",
+                "field_noise": "craft.field_noise",
                 "h_noise": "craft.h_noise",
                 "rate_noise": "craft.rate_noise",
                 "attitude_noise": "craft.attitude_noise",
@@ -285,7 +300,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         "T",
         "standard deviation of a component of the measured field",
         start=1e-6,
-        min=1e-10,
+        min=0.0,
     )
     h_noise: float = Parameter(
         "N.m.s", "standard deviation of a measured wheel momentum", start=1e-4, min=0.0
@@ -369,7 +384,8 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         self._error_p = attitude_error.first_covariance(self.field_spread)
         self._correction: Vec4 = (0.0, 0.0, 0.0, 1.0)
         self._is_misaligned = False
-        self._field_variance = self.field_noise * self.field_noise
+        noise = max(self.field_noise, LEAST_FIELD_NOISE)
+        self._field_variance = noise * noise
         self._measurements = 0.0
 
     def _slew(self) -> slew.Slew:
@@ -490,7 +506,8 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         )
         model = self._field(self.r_eci, self.v_eci, t)
         b = rotate_back(q, self.b_body) if self.valid_b else model
-        strange = norm(sub(b, model)) > FIELD_MISMATCH * norm(model)
+        mismatch = FIELD_MISMATCH * norm(model) + FIELD_DEVIATIONS * self.field_noise
+        strange = norm(sub(b, model)) > mismatch
         self._weigh(b, model)
         model = scale(self._field_scale, model)
         self._remember(t, h)
@@ -508,8 +525,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         m, n_t = ZERO, self._thrust
         if self._failed or strange:
             self.mode = FALLBACK
-            gain = STIFFNESS * norm(turn)
-            m = cross_product.normalised(h, mean, gain) if self.valid_b else ZERO
+            m = cross_product.normalised(h, mean, norm(turn)) if self.valid_b else ZERO
         elif self.valid_b:
             self.mode = DUMPING
             m = self._dipole(mean, rotate(q, self._costate))
@@ -640,7 +656,10 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         )
         if self._deviations[learning.GRAVITY] == 0.0:
             self._deviations = learning.spreads(
-                TORQUE_SPREAD * gravity_torque, DIPOLE_SPREAD * self.m_limit, noise
+                TORQUE_SPREAD * gravity_torque,
+                self._air_torque(largest),
+                DIPOLE_SPREAD * self.m_limit,
+                noise,
             )
             self._p = learning.first_covariance(self._deviations)
             self._x = learning.first_state(h)
@@ -659,6 +678,23 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         e = learning.COILS
         self.effectiveness = (x[e], x[e + 1], x[e + 2], x[e + 3])
         self.thruster_effectiveness = learning.vector(x, learning.THRUSTERS)
+
+    def _air_torque(self, inertia: float) -> float:
+        """Estimate the torque of the air at the perigee (N m) by the largest inertia.
+
+        inertia (kg m2) is that of a cube of BULK_DENSITY.
+        """
+        orbit = elements_from_state(self.r_eci, self.v_eci)
+        perigee = orbit.semi_major_axis * (1.0 - orbit.eccentricity)
+        side: float = (6.0 * inertia / BULK_DENSITY) ** 0.2
+        pressure = (
+            0.5
+            * atmosphere.table(perigee - EARTH_RADIUS)
+            * MU
+            * (1.0 + orbit.eccentricity)
+            / perigee
+        )
+        return DRAG_COEFFICIENT * pressure * AIR_ARM * side * side * side
 
     def _doubt(self) -> learning.Doubt:
         """Return how readily a coil is taken for failed."""
@@ -980,8 +1016,8 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         """Predict drift and effects of the actuators in each interval.
 
         Returns the change of X in each interval (N m s, eci), that by a unit of each
-        actuator, the wheels' axes at its end (eci), and b^2 (T2). `from_lvlh`: body
-        from lvlh.
+        actuator, the wheels' axes at its end (eci), and n^2 / b^2 (1/(T2 s2)).
+        `from_lvlh`: body from lvlh.
         """
         drift = [ZERO] * predictive.INTERVALS
         effect = [ZERO] * (predictive.ACTUATORS * predictive.INTERVALS)
@@ -996,7 +1032,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         _, dipoles, _ = self._axes()
         turn = cross(self.r_eci, self.v_eci)
         before = self._bias(t, q, turn, dot(self.r_eci, self.r_eci), turning)
-        strength, begin = 0.0, 0.0
+        strength, weighted, begin = 0.0, 0.0, 0.0
         for k in range(count):
             step = dt[k]
             push = ZERO
@@ -1013,10 +1049,10 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
                 for j in range(each):
                     i = each * k + j
                     effect[i] = add(effect[i], vectors[j])
-                for j in range(4):
-                    axis = (self._live[j], self._live[4 + j], self._live[8 + j])
-                    f = cross(rotate_back(pointing, axis), b)
-                    strength += 0.25 * step * dot(f, f)
+                squares = 0.25 * step * self._field_across(pointing, b)
+                rate = norm(cross(r, v)) / dot(r, r)
+                strength += squares
+                weighted += squares * rate * rate
             begin += step
             r, v = ellipse_state(a, e, anomaly + n * begin, n, to_perigee, onward)
             frame = lvlh_attitude(r, v)
@@ -1029,7 +1065,17 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
                 w = self._to_wheels
                 axis = rotate_back(pointing, (w[3 * j], w[3 * j + 1], w[3 * j + 2]))
                 wheel_axes[predictive.WHEELS * k + j] = axis
-        return tuple(drift), tuple(effect), tuple(wheel_axes), strength / begin
+        stiffness = weighted * begin / max(strength * strength, 1e-60)
+        return tuple(drift), tuple(effect), tuple(wheel_axes), stiffness
+
+    def _field_across(self, q: Vec4, b: Vec3) -> float:
+        """Sum |a_j x B|^2 (T2) of the coils in the field b (T, eci)."""
+        total = 0.0
+        for j in range(4):
+            axis = (self._live[j], self._live[4 + j], self._live[8 + j])
+            f = cross(rotate_back(q, axis), b)
+            total += dot(f, f)
+        return total
 
     def _attitude_ahead(
         self,
@@ -1075,13 +1121,12 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         drift: predictive.Vectors,
         effect: predictive.Vectors,
         wheel_axes: predictive.Vectors,
-        strength: float,
+        stiffness: float,
     ) -> None:
         """Plan a course of low momentum from X = x0 (N m s, eci) on."""
-        n, _ = self._motion()
         _, _, limits = self._axes()
-        stiff = STIFFNESS * n * self._momentum_share()
-        momentum = self.weights[0] * stiff * stiff / max(strength, 1e-30)
+        share = self._momentum_share()
+        momentum = self.weights[0] * share * share * stiffness
         problem = predictive.PathProblem(
             count,
             x0,

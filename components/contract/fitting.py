@@ -37,8 +37,8 @@ class Law(NamedTuple):
       rate, or the rate of the craft's own law;
     - `craft.field`, T: the mean magnitude of the field;
     - `craft.orbit_rate`, rad/s;
-    - `craft.h_noise`, N m s, `craft.rate_noise`, rad/s, and `craft.attitude_noise`, rad: standard
-      deviations of the sensors' measurements at each sample.
+    - `craft.field_noise`, T, `craft.h_noise`, N m s, `craft.rate_noise`, rad/s, and
+      `craft.attitude_noise`, rad: standard deviations of the sensors' measurements at each sample.
 
     A parameter with `follows` is set from the craft without a rule.
     """

@@ -98,16 +98,18 @@ def first_state(h: Vec3) -> Table:
     return tuple(x)
 
 
-def spreads(torque: float, dipole: float, noise: float) -> Table:
+def spreads(torque: float, air: float, dipole: float, noise: float) -> Table:
     """Return the standard deviations of `first_state`.
 
-    noise (N m s) is that of H, torque (N m) that of the constant torques, dipole (A m2)
-    that of the craft's dipole.
+    noise (N m s) is that of H, torque (N m) that of the constant torques, to which air
+    (N m) is added in lvlh, dipole (A m2) that of the craft's dipole.
     """
-    deviations = [torque] * STATES
+    deviations = [torque + air] * STATES
     for row in range(MOMENTUM_STATES):
         deviations[row] = noise
     deviations[GRAVITY] = SPREAD_GRAVITY
+    for i in range(INERTIAL, ORBITAL):
+        deviations[i] = torque
     for i in range(DIPOLE, COILS):
         deviations[i] = dipole
     for i in range(COILS, WAVES):

@@ -88,6 +88,7 @@ class Craft:
         self.manager = roles.get("manager")
         self.coils = roles.get("torquers")
         self.thrusters = roles.get("thrusters")
+        self.magnetometer = roles.get("magnetometer")
         self.gyro = roles.get("gyro")
         self.tachometers = roles.get("tachometers")
         self.determination = roles.get("determination")

@@ -8,13 +8,18 @@ from .craft import craft_of
 from .model import Component, System
 
 # Standard deviations at each sample: name of the manager's parameter -> unit.
-KNOWN = {"h_noise": "N.m.s", "rate_noise": "rad/s", "attitude_noise": "rad"}
+KNOWN = {
+    "field_noise": "T",
+    "h_noise": "N.m.s",
+    "rate_noise": "rad/s",
+    "attitude_noise": "rad",
+}
 
 
 def noise_of(system: System) -> dict[str, float]:
     """Return the standard deviations of KNOWN, in the units given there.
 
-    They are those of a wheel's momentum, of a rate about an axis, and of the attitude
+    They are those of a field component, of a wheel's momentum, of a rate about an axis, and of the attitude
     about an axis including slow errors. A sensor without noise, or one that is not
     ours, has 0.
     """
@@ -24,6 +29,7 @@ def noise_of(system: System) -> dict[str, float]:
     white = walk / sqrt(period or system.step)
     across = ("noise", "markov_sigma", "noise_about", "drift_about")
     return {
+        "field_noise": _of(craft_of(system).magnetometer, "noise"),
         "h_noise": _of(craft_of(system).tachometers, "noise"),
         "rate_noise": hypot(_of(gyro, "noise"), white),
         "attitude_noise": hypot(*(_of(attitude, name) for name in across)),
