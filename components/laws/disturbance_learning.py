@@ -81,7 +81,7 @@ class Doubt(NamedTuple):
 
 
 # While momentum is held, coils give little, and a torque in pulses is soon as large.
-HOLDING = Doubt(0.001, 3.0, 2.0)
+HOLDING = Doubt(0.001, 3.5, 2.0)
 # Wheels are emptied within minutes by coils that give all they have, so that a coil that
 # is turned, four deviations off, must be seen at once.
 EMPTYING = Doubt(0.01, 2.0, 4.0)
