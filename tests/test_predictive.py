@@ -276,7 +276,7 @@ def test_a_coil_is_whole_until_its_loss_is_likely(
     p[i, i], p[j, j] = deviation**2, 1e-12
     p[i, j] = p[j, i] = 0.5e-6 * deviation
     seen = learning.judge(tuple(x), tuple(p.ravel().tolist()), doubt)
-    assert seen[i] == pytest.approx(used, abs=0.02)
+    assert seen[i] == pytest.approx(used, abs=0.05)
     shift = p[i, j] / p[i, i] * (seen[i] - e)
     assert seen[j] == pytest.approx(1e-6 + shift, abs=1e-9)
 
@@ -369,7 +369,7 @@ def test_weak_thrusters_empty_the_wheels_without_haste(
 
 @pytest.mark.parametrize("capacity", [0.0, 1.0, 100.0])
 def test_nearly_empty_wheels_take_less_energy(capacity: float, tmp_path: Path) -> None:
-    """With wheels of 1 N m s the day's momentum is below 5 % of it."""
+    """With wheels of 1 N m s the day's momentum is below 2 % of it."""
     found = {}
     for limit in (0.0, capacity):
         day = Options(stop=17220.0, values={"manager.h_limit": limit})
@@ -379,7 +379,7 @@ def test_nearly_empty_wheels_take_less_energy(capacity: float, tmp_path: Path) -
         found[limit] = energy[-1] - energy[len(energy) // 3], wheels
     (full, _), (energy, peak) = found[0.0], found[capacity]
     assert energy == full if capacity == 0.0 else energy < 0.8 * full
-    assert capacity == 0.0 or peak < 0.05 * capacity
+    assert capacity == 0.0 or peak < 0.02 * capacity
 
 
 @pytest.mark.parametrize("case", ["nominal", "dead_unknown", "thrusters_0_7"])

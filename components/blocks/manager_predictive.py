@@ -1050,9 +1050,8 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
                     i = each * k + j
                     effect[i] = add(effect[i], vectors[j])
                 squares = 0.25 * step * self._field_across(pointing, b)
-                rate = norm(cross(r, v)) / dot(r, r)
                 strength += squares
-                weighted += squares * rate * rate
+                weighted += squares * (norm(cross(r, v)) / dot(r, r)) ** 2
             begin += step
             r, v = ellipse_state(a, e, anomaly + n * begin, n, to_perigee, onward)
             frame = lvlh_attitude(r, v)
@@ -1065,8 +1064,12 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
                 w = self._to_wheels
                 axis = rotate_back(pointing, (w[3 * j], w[3 * j + 1], w[3 * j + 2]))
                 wheel_axes[predictive.WHEELS * k + j] = axis
-        stiffness = weighted * begin / max(strength * strength, 1e-60)
-        return tuple(drift), tuple(effect), tuple(wheel_axes), stiffness
+        return (
+            tuple(drift),
+            tuple(effect),
+            tuple(wheel_axes),
+            weighted * begin / max(strength * strength, 1e-60),
+        )
 
     def _field_across(self, q: Vec4, b: Vec3) -> float:
         """Sum |a_j x B|^2 (T2) of the coils in the field b (T, eci)."""
