@@ -189,7 +189,7 @@ def test_a_run_has_nothing_to_draw(desat, craft):
     assert "drawn: a run cannot be sampled" in refused.stderr
 
 
-def test_numbers_of_other_units_have_no_difference():
+def test_numbers_are_compared_in_the_unit_of_the_first_run():
     class Answer:
         def __init__(self, **numbers):
             self.manifest = type("M", (), {"numbers": numbers})
@@ -197,20 +197,45 @@ def test_numbers_of_other_units_have_no_difference():
     rows = compare.rows_of(
         [
             Answer(
-                a=Value("A", 1.0, "m"), b=Value("B", None, "s"), c=Value("C", 3.0, "1")
+                a=Value("A", 1.0, "m"),
+                b=Value("B", None, "s"),
+                c=Value("C", 3.0, "1"),
+                d=Value("D", 40.0, "%"),
+                e=Value("E", 1.0, "s"),
+                f=Value("F", 90.0, "deg"),
             ),
             Answer(
                 a=Value("A", 2.0, "km"),
-                b=Value("B", 2.0, "s"),
+                b=Value("B", 2.0, "min"),
                 c=Value("C", 3.0 + 1e-15, "1"),
+                d=Value("D", 0.5, "1"),
+                e=Value("E", 2.0, "N.m.s"),
+                f=Value("F", math.pi / 4.0, "rad"),
             ),
         ]
     )
-    assert list(rows) == ["a", "a (km)", "b", "c"]
-    assert rows["a"].row == ["A", 1.0, None, None, "m"]
-    assert rows["a (km)"].row == ["A", None, 2.0, None, "km"]
-    assert rows["b"].row == ["B", "not reached", 2.0, None, "s"]
+    assert list(rows) == ["a", "b", "c", "d", "d (1)", "e", "e (N.m.s)", "f"]
+    assert rows["a"].row == ["A", 1.0, 2000.0, -1999.0, "m"]
+    assert rows["b"].row == ["B", "not reached", 120.0, None, "s"]
     assert rows["c"].differences == (0.0,), "equal but for rounding"
+    assert rows["d"].row == ["D", 40.0, None, None, "%"], "of what, is not known"
+    assert rows["d (1)"].row == ["D", None, 0.5, None, "1"]
+    assert rows["e (N.m.s)"].row == ["E", None, 2.0, None, "N.m.s"]
+    assert rows["f"].row == ["F", 90.0, pytest.approx(45.0), pytest.approx(45.0), "deg"]
+
+
+@pytest.mark.parametrize("scenario", ["detumbling", "rollout"])
+def test_laws_that_hold_wheels_are_not_compared_with_one_that_brakes(
+    desat, craft, scenario
+):
+    refused = desat("compare", f"mine/{scenario}.toml", "--laws", "all", cwd=craft)
+    assert refused.returncode == Exit.INPUT
+    assert "brakes a tumbling craft" in refused.stderr
+    both = desat("compare", "mine/detumbling.toml", "mine/rollout.toml", cwd=craft)
+    detumbled = table(both.stdout, "Detumbled: every rate below 0.3 deg/s for 10 min")
+    b_dot, rollout, less, unit = detumbled
+    assert float(less) == pytest.approx(float(b_dot) - float(rollout), rel=1e-3)
+    assert unit == "min"
 
 
 def test_no_differences_have_no_interval():

@@ -137,7 +137,7 @@ def _by_coils(
         deadband=law.values["h_deadband"]
         if "h_deadband" in law.interface.signals
         else 0.0,
-        brakes=_brakes(law),
+        brakes=is_braking(law),
         reference=_reference(system),
         manager=law.name,
     )
@@ -212,7 +212,7 @@ def _holds(law: Component) -> bool:
     return all(law.choice(k) == v for k, v in common.items())
 
 
-def _brakes(law: Component) -> bool:
+def is_braking(law: Component) -> bool:
     """Return whether a manager block of ours detumbles the craft."""
     block = block_class(law.interface.model) if law.interface.model in names() else None
     return block is not None and issubclass(block, Manager) and block.brakes
@@ -257,7 +257,7 @@ def _aliased(system: System) -> Iterator[str]:
     The field then seems to turn the other way.
     """
     manager, craft = system.roles.get("manager"), system.roles.get("spacecraft")
-    if manager is None or craft is None or not _brakes(manager):
+    if manager is None or craft is None or not is_braking(manager):
         return
     rate = float(np.linalg.norm(craft.values.get("omega_start_body", 0.0)))
     magnetometer = system.roles.get("magnetometer")

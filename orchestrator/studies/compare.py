@@ -6,7 +6,7 @@ first's number less the other's, as in `campaign/pairs.py`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,12 +19,13 @@ from ..campaign.pairs import Pairs, common, difference, differences
 from ..campaign.plan import PLAN
 from ..engine.recording.results import MANIFEST
 from ..figures.plots import series_figure
-from ..numbers.text import number, spell_unit
+from ..numbers.text import Value, number, spell_unit
 from ..report.report import figures_of, render, write_page
 from ..report.table import ROW_UNIT, Column, Row, Table, or_not_reached
 from ..runs.prepare import prepare, read
 from ..runs.run import Options, Run, load_run, simulate
 from ..system.errors import DesatError
+from ..system.parameters import known_unit
 from ..system.typed import JsonObject
 
 if TYPE_CHECKING:
@@ -312,27 +313,50 @@ def _listed(texts: Sequence[str]) -> str:
 
 
 def rows_of(runs: Sequence[Run]) -> dict[str, ComparedNumber]:
-    """Collect the numbers of runs, by name.
+    """Collect the numbers of runs, by name, in the unit of the first run with the name.
 
-    A number whose unit is not that of the first run with the name has a row of its own,
-    `NAME (UNIT)`.
+    A number whose unit does not convert to that has a row of its own, `NAME (UNIT)`.
     """
     rows = {}
     for name in dict.fromkeys(n for run in runs for n in run.manifest.numbers):
         each = [run.manifest.numbers.get(name) for run in runs]
-        values = [x for x in each if x is not None]
-        for i, unit in enumerate(dict.fromkeys(x.unit for x in values)):
-            there = tuple(x is not None and x.unit == unit for x in each)
-            title = next(x.title for x in values if x.unit == unit)
-            rows[f"{name} ({unit})" if i else name] = ComparedNumber(
+        left = list(dict.fromkeys(x.unit for x in each if x is not None))
+        while left:
+            unit = left[0]
+            scales = {u: scale for u in left if (scale := _scale(u, unit)) is not None}
+            left = [u for u in left if u not in scales]
+            there = tuple(x is not None and x.unit in scales for x in each)
+            title = next(x.title for x in each if x is not None and x.unit == unit)
+            rows[f"{name} ({unit})" if name in rows else name] = ComparedNumber(
                 title,
                 unit,
-                tuple(
-                    x.value if x is not None and x.unit == unit else None for x in each
-                ),
+                tuple(_value_in(x, scales) for x in each),
                 there,
             )
     return rows
+
+
+def _value_in(number: Value | None, scales: Mapping[str, float]) -> float | None:
+    """Return a number by the scale of its unit; None where there is none."""
+    if number is None or number.value is None or number.unit not in scales:
+        return None
+    return number.value * scales[number.unit]
+
+
+def _scale(unit: str, other: str) -> float | None:
+    """Return the factor from a unit to another one; None if they do not convert.
+
+    Numbers without a dimension, as percentages, are not converted: what they are shares
+    of may differ.
+    """
+    if unit == other:
+        return 1.0
+    first, second = known_unit(unit), known_unit(other)
+    if first is None or second is None or first.offset or second.offset:
+        return None
+    if first[:6] != second[:6] or not any(first[:6]):
+        return None
+    return first.factor / second.factor
 
 
 def write(comparison: Comparison, path: Path, **more: Any) -> Path:

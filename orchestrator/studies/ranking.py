@@ -19,6 +19,7 @@ from desat.fmus.registry import block_class, names
 
 from ..analyses import analyses
 from ..analyses.flight import attitude_of, flight_of, series_for, values_of
+from ..analyses.management import is_braking
 from ..analyses.manifest import SubstepChoice
 from ..analyses.motion import period_of
 from ..campaign.draws import series_of_numbers
@@ -501,18 +502,30 @@ def laws_of(
     Raises
     ------
     DesatError
-        If the craft cannot fly with its own law.
+        If the craft cannot fly with its own law, or brakes its rotation.
     """
     check_names(laws, others)
     case = prepare(source, options)
     system, _ = case.or_raise()
     values_of(system)  # checks that the roles exist
+    _check_holding(source, system)
     progress("its own law")
     first = _fly(case).or_raise(source.text)
     r, v, b, q = (first.results.values(s) for s in ORBIT)
     inertial = attitude_of(system, q, r, v).kind in ("inertial", "sun")
     terms = terms_of(period_of(r[0], v[0]), b, inertial)
     return first, *fitting(source, options, terms, laws, others)
+
+
+def _check_holding(source: Target, system: System) -> None:
+    """Refuse a craft whose law brakes its rotation: the laws compared hold wheels."""
+    manager = system.roles.get(ROLE)
+    if manager is not None and is_braking(manager):
+        raise DesatError(
+            f"{source.text}: {ROLE} = {manager.interface.model} brakes a tumbling craft, and "
+            "the laws to compare keep the momentum of wheels low; compare two scenarios that "
+            "brake instead, as `desat compare CRAFT/detumbling.toml CRAFT/rollout.toml`"
+        )
 
 
 def options_of_laws(

@@ -12,6 +12,7 @@ from desat.components.contract.units import conversion
 from desat.components.physics.orbit import EARTH_RADIUS
 from desat.fmus.registry import block_class, names
 
+from ..analyses.management import is_braking
 from ..runs.prepare import Target, prepare
 from ..system.errors import DesatError, nearest
 from ..system.interface import Signal, base_name
@@ -151,14 +152,6 @@ LEVERS = (
 )
 
 
-def _is_braked(system: System) -> bool:
-    """Return whether the manager is a block of ours that brakes a tumbling craft."""
-    manager = system.roles.get("manager")
-    if manager is None or manager.interface.model not in names():
-        return False
-    return bool(getattr(block_class(manager.interface.model), "brakes", False))
-
-
 def _surfaces(system: System) -> tuple[tuple[str, str], ...]:
     """Return the lever arms of drag and radiation, as far as they act by an area."""
     craft = system.roles.get("spacecraft")
@@ -184,7 +177,8 @@ def usual(system: System) -> list[Slider]:
     wheels = (("wheels", "speed_limit"), start)
     gain = ("manager", _gain(system))
     names: tuple[tuple[str, str], ...]
-    if _is_braked(system):
+    manager = system.roles.get("manager")
+    if manager is not None and is_braking(manager):
         names = (*ORBIT, *TUMBLING, gain)
     elif "thrusters" not in system.roles:
         names = (*ORBIT, *COILS, *_surfaces(system), gain, *wheels)
