@@ -353,6 +353,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         self._p = (0.0,) * (learning.STATES * learning.STATES)
         self._deviations = (0.0,) * learning.STATES
         self._evidence = (0.0,) * learning.EVIDENCE
+        self._suspected: Vec4 = (0.0, 0.0, 0.0, 0.0)
         self._known = -1.0
         self._b_eci = self._gravity = self._dipole_planned = ZERO
         self._coils: Vec4 = (0.0, 0.0, 0.0, 0.0)
@@ -672,7 +673,9 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             tested = self._limit_thrust(passed, q, h, causes, noise)
             self._learn(passed, h, causes, noise, gravity_torque, tested)
         self._known = t
-        x = self._seen = learning.judge(self._x, self._p, self._doubt())
+        x = self._seen = learning.judge(
+            self._x, self._p, self._doubt(), self._suspected
+        )
         self.gravity_scale = x[learning.GRAVITY]
         self.torque_eci = learning.vector(x, learning.INERTIAL)
         e = learning.COILS
@@ -742,9 +745,12 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             orbit,
             self._doubt(),
         )
-        failed = learning.find_failure(self._evidence)
+        failed = learning.find_failure(
+            self._evidence, self._x, self._deviations[learning.DIPOLE]
+        )
         if failed >= 0:
             self._evidence = learning.explain(self._evidence, failed)
+            self._suspected = learning.suspect(self._suspected, failed)
         unmodelled = max(
             UNMODELLED_TORQUE * gravity_torque,
             VARIES * learning.known_torque(self._x),

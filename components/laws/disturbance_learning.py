@@ -23,18 +23,19 @@ innovations follow its command: where over a third of an orbit a change of its
 effectiveness explains `EXPLAINED` of their power, and more than a constant torque or a
 dipole (`find_failure`). Its effectiveness then becomes as uncertain as that of a coil
 at first; before that, thrusters are known to `SPREAD_THRUSTER`. For use, a coil has
-e = 1 or, with the prior probability of a `Doubt`, has failed and is dead, turned or has
-another effectiveness (`judge`).
+e = 1 or has failed and is dead, turned or has another effectiveness (`judge`). The prior
+probability that it has failed is that of a `Doubt`, or `SUSPECTED` once the innovations
+have followed its command.
 
 Fault detection by a momentum balance: Willsky, Automatica 12 (1976) 601.
 """
 
 from __future__ import annotations
 
-from math import exp, sqrt
+from math import exp, inf, sqrt
 from typing import NamedTuple
 
-from ..contract.block import Table, Vec3
+from ..contract.block import Table, Vec3, Vec4
 from ..maths import kalman
 from ..maths.vector import norm
 
@@ -85,6 +86,11 @@ HOLDING = Doubt(0.001, 3.5, 2.0)
 # Wheels are emptied within minutes by coils that give all they have, so that a coil that
 # is turned, four deviations off, must be seen at once.
 EMPTYING = Doubt(0.01, 2.0, 4.0)
+# Prior probability that a coil has failed whose command the innovations have followed. A
+# torque in pulses, against which coils are driven, looks like that for a while.
+SUSPECTED = 0.18
+# The craft's own dipole explains a torque up to so many prior standard deviations.
+MOST_DIPOLE = 5.0
 
 
 def first_state(h: Vec3) -> Table:
@@ -221,13 +227,14 @@ def _constrain(x: list[float], p: list[float]) -> None:
         x[i] = limited
 
 
-def judge(x: Table, p: Table, doubt: Doubt) -> Table:
+def judge(x: Table, p: Table, doubt: Doubt, suspected: Vec4) -> Table:
     """Return the expected x where a coil gives its command, or has failed.
 
-    x and P (row-major) are those of the filter. Without a failure e is 1; a coil that
-    has failed is dead, e = 0, turned, e = -1, or has any e with the prior deviation
-    `SPREAD_ACTUATOR`. The other elements are what they are with that. With the
-    probabilities w of these cases by Bayes' rule, the expected x is that after a
+    x and P (row-major) are those of the filter; `suspected` of `suspect`. Without a
+    failure e is 1; a coil that has failed is dead, e = 0, turned, e = -1, or has any e
+    with the prior deviation `SPREAD_ACTUATOR`. The other elements are what they are
+    with that. With the probabilities w of these cases by Bayes' rule, the expected x is
+    that after a
     measurement of the mean e of the first three with the variance P_ee / (sum of w).
     """
     state = [0.0] * STATES
@@ -239,16 +246,15 @@ def judge(x: Table, p: Table, doubt: Doubt) -> Table:
         covariance[i] = p[i]
     for j in range(COILS, THRUSTERS):
         variance = covariance[STATES * j + j]
+        failed = SUSPECTED if suspected[j - COILS] > 0.0 else doubt.failed
         if variance > 0.0:
             spread = doubt.understated * sqrt(variance)
             e = state[j]
-            intact = (1.0 - doubt.failed) * _likelihood(e - 1.0, spread)
-            dead = doubt.failed * DEAD * _likelihood(e, spread)
-            turned = doubt.failed * TURNED * _likelihood(e + 1.0, spread)
+            intact = (1.0 - failed) * _likelihood(e - 1.0, spread)
+            dead = failed * DEAD * _likelihood(e, spread)
+            turned = failed * TURNED * _likelihood(e + 1.0, spread)
             known = intact + dead + turned
-            other = (
-                doubt.failed * (1.0 - DEAD - TURNED) * sqrt(variance) / SPREAD_ACTUATOR
-            )
+            other = failed * (1.0 - DEAD - TURNED) * sqrt(variance) / SPREAD_ACTUATOR
             found = (intact - turned) / known - e
             for i in range(STATES):
                 column[i] = covariance[STATES * i + j]
@@ -397,34 +403,60 @@ def _product(e: list[float], i: int, j: int) -> float:
     return e[i] * e[j] + e[i + 1] * e[j + 1] + e[i + 2] * e[j + 2]
 
 
-def find_failure(evidence: Table) -> int:
+def find_failure(evidence: Table, x: Table, dipole: float) -> int:
     """Return the index in x of the effectiveness that has changed; -1: none.
 
     It has changed where the torque that is not modelled follows the actuator's
-    command, and neither a constant torque nor a dipole explains as much.
+    command, neither a constant torque nor a dipole explains as much, and the changed
+    effectiveness is one that an actuator can have.
+
+    Parameters
+    ----------
+    evidence : Table
+        Of `gather`.
+    x : Table
+        State of the filter.
+    dipole : float
+        Prior standard deviation of the craft's dipole (A m2).
     """
     most = EXPLAINED
     for first in (INERTIAL, ORBITAL, DIPOLE):
+        limit = MOST_DIPOLE * dipole if first == DIPOLE else inf
         total = 0.0
         for i in range(first, first + 3):
-            total += _share(evidence, i)
+            total += _share(evidence, i, limit)
         most = max(most, total)
     worst = -1
     for i in range(COILS, WAVES):
         j = i - INERTIAL
-        share = _share(evidence, i)
-        change = abs(evidence[PRODUCTS + j])
-        if share > most and change > CHANGED * evidence[SQUARES + j]:
-            worst, most = i, share
+        share = _share(evidence, i, inf)
+        if share > most:
+            change = evidence[PRODUCTS + j] / evidence[SQUARES + j]
+            if abs(change) > CHANGED and abs(x[i] + change) < MOST + CHANGED:
+                worst, most = i, share
     return worst
 
 
-def _share(evidence: Table, i: int) -> float:
-    """Return the share of the torque's power that a change of x[i] explains."""
+def suspect(suspected: Vec4, failed: int) -> Vec4:
+    """Return which coils are suspected (1), with one of `find_failure` more."""
+    flags = [0.0, 0.0, 0.0, 0.0]
+    for j in range(THRUSTERS - COILS):
+        flags[j] = 1.0 if failed == COILS + j else suspected[j]
+    return (flags[0], flags[1], flags[2], flags[3])
+
+
+def _share(evidence: Table, i: int, most: float) -> float:
+    """Return the share of the torque's power that a change of x[i] explains.
+
+    The change is `most` at most.
+    """
     j = i - INERTIAL
-    product = evidence[PRODUCTS + j]
-    both = evidence[SQUARES + j] * evidence[TOTAL]
-    return product * product / both if both > 0.0 else 0.0
+    product, square = abs(evidence[PRODUCTS + j]), evidence[SQUARES + j]
+    total = evidence[TOTAL]
+    if square * total <= 0.0:
+        return 0.0
+    change = min(product / square, most)
+    return change * (2.0 * product - change * square) / total
 
 
 def explain(evidence: Table, failed: int) -> Table:
@@ -435,7 +467,7 @@ def explain(evidence: Table, failed: int) -> Table:
     e = [0.0] * EVIDENCE
     j = failed - INERTIAL
     change = evidence[PRODUCTS + j] / evidence[SQUARES + j]
-    rest = max(1.0 - _share(evidence, failed), 0.0)
+    rest = max(1.0 - _share(evidence, failed, inf), 0.0)
     for i in range(EVIDENCE):
         e[i] = evidence[i]
     for i in range(PRODUCTS, RECENT):

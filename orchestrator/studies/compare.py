@@ -320,11 +320,11 @@ def rows_of(runs: Sequence[Run]) -> dict[str, ComparedNumber]:
     rows = {}
     for name in dict.fromkeys(n for run in runs for n in run.manifest.numbers):
         each = [run.manifest.numbers.get(name) for run in runs]
-        left = list(dict.fromkeys(x.unit for x in each if x is not None))
-        while left:
-            unit = left[0]
-            scales = {u: scale for u in left if (scale := _scale(u, unit)) is not None}
-            left = [u for u in left if u not in scales]
+        units = list(dict.fromkeys(x.unit for x in each if x is not None))
+        while units:
+            unit = units[0]
+            scales = {u: scale for u in units if (scale := _scale(u, unit)) is not None}
+            units = [u for u in units if u not in scales]
             there = tuple(x is not None and x.unit in scales for x in each)
             title = next(x.title for x in each if x is not None and x.unit == unit)
             rows[f"{name} ({unit})" if name in rows else name] = ComparedNumber(

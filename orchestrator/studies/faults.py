@@ -6,6 +6,7 @@ complete or misses a requirement, or a time that the scenario measures is not re
 
 from __future__ import annotations
 
+import re
 import shutil
 import tempfile
 import tomllib
@@ -39,6 +40,7 @@ from .sampled_laws import JudgedSample
 NOMINAL = "nominal"  # name of the flight without a fault
 PEAK = "peak"
 CRAFT, COMPONENTS = "craft.toml", "[components]\n"
+TORQUE_INPUT = "tau_ext_body"  # of a spacecraft, for torques of other components
 
 
 @dataclass(frozen=True)
@@ -432,17 +434,24 @@ def _free_of(contender: Contender, free: str | Mapping[str, str]) -> str:
 def _tuned(
     contender: Contender, parameter: str, measured: str, seed: int, jobs: int
 ) -> Contender:
-    """Return a contender with its free parameter searched, which its label says."""
+    """Return a contender with its free parameter searched, which its label says.
+
+    The parameter stays as it is where half of the samples do not reach the number with
+    any value.
+    """
     if not parameter:
         return contender
-    found = tune.tune(
-        contender.source.text,
-        parameter,
-        measured,
-        contender.options,
-        seed=seed,
-        jobs=jobs,
-    )
+    try:
+        found = tune.tune(
+            contender.source.text,
+            parameter,
+            measured,
+            contender.options,
+            seed=seed,
+            jobs=jobs,
+        )
+    except tune.NoValueError:
+        return replace(contender, label=f"{contender.label}, {parameter} as it is")
     values = {**contender.options.values, parameter: found.best}
     return replace(
         contender,
@@ -566,6 +575,8 @@ def _with_component(
         folder.mkdir()
         replace_text(target, f'extends = "{scenario.name}"\n')
     more = f'{COMPONENTS}{name} = "{block}"\n'
+    unwired = re.compile(rf'^"\w+\.{TORQUE_INPUT}" = false\n', re.MULTILINE)
+    text = unwired.sub("", text)  # a craft on which no such torque acts
     replace_text(folder / CRAFT, text.replace(COMPONENTS, more, 1))
     rows = [x for row in fault.table["table"] for x in row]
     changes: dict[str, Any] = {

@@ -26,7 +26,7 @@ from ..campaign.draws import One, RunRow, rows_of
 from ..campaign.pairs import confident, difference
 from ..campaign.spread import Spread
 from ..language.content import Content, content_of, overridden_by
-from ..numbers.numbers import late
+from ..numbers.numbers import late, ranks
 from ..numbers.text import number as text_of
 from ..numbers.text import spell_unit
 from ..report.table import Cell, Column, Table
@@ -43,6 +43,10 @@ LOOKED_AT = 7  # values of the range that are flown first
 REFINED = 8  # limit of the evaluations by Brent's method
 SAME = 1e-3  # a smaller relative gain in the number is no reason for another value
 FINE = 0.02  # tolerance of the search, as a share of the range
+
+
+class NoValueError(DesatError):
+    """The number has no finite median with any value of the parameter."""
 
 
 @dataclass(frozen=True)
@@ -175,8 +179,9 @@ def tune(
     Raises
     ------
     DesatError
-        If parameter, number or dispersions do not exist, or a draw at the craft's own
-        value lacks the number.
+        If parameter, number or dispersions do not exist.
+    NoValueError
+        If with no value the median of the number over the draws is finite.
     """
     source = read(target)
     system, _ = prepare(source, options).or_raise()
@@ -189,6 +194,7 @@ def tune(
             f"{target}: it has no [dispersions], so there is nothing to sample"
         )
 
+    is_late = number in late(content)
     judged: tuple[Any, ...] = ()  # what else the runner of a sample takes
     if _is_criterion(content, number):
         judged = ((number,), {})
@@ -215,16 +221,20 @@ def tune(
         """Fly the tuning draws at these values, and return a point of each."""
         progress(f"{parameter} = {', '.join(f'{x:.3g}' for x in values)}")
         return [
-            Point(x, _median(some, number), sum(_misses(content, r) for r in some))
+            Point(
+                x,
+                _median(some, number, is_late),
+                sum(_misses(content, r) for r in some),
+            )
             for x, some in zip(values, rows(values, range(draws)), strict=True)
         ]
 
     search = _Search(evaluate, (low, high), own_value, most, draws)
     search.sample_range()
     if not math.isfinite(search.scale()):
-        raise DesatError(
-            f"{target}: {parameter} = {low:g} to {high:g}: not every sample has {number} "
-            "with any value"
+        raise NoValueError(
+            f"{target}: {parameter} = {low:g} to {high:g}: with none of these values do "
+            f"the samples have {number}"
         )
     search.refine()
     best = search.find_best()
@@ -425,14 +435,17 @@ def _range(
     return low, high
 
 
-def _median(rows: Sequence[RunRow], number: str) -> float:
-    """Compute the median over draws; inf where one failed or lacks the number."""
+def _median(rows: Sequence[RunRow], number: str, is_late: bool) -> float:
+    """Compute the median over draws.
+
+    A time that a draw does not reach (`is_late`) is infinite; otherwise the median is
+    infinite where a draw failed or lacks the number.
+    """
     values = [r.numbers.get(number) if r.completed else None for r in rows]
-    return (
-        math.inf
-        if None in values
-        else statistics.median(x for x in values if x is not None)
-    )
+    if None in values and not is_late:
+        return math.inf
+    median: float = statistics.median(ranks(values, is_late=True))
+    return median
 
 
 def _misses(content: Content, row: RunRow) -> bool:
