@@ -16,6 +16,7 @@ from desat.components.contract.block import BlockError
 from desat.components.laws import disturbance_learning as learning
 from desat.components.laws import predictive, slew, thrust_limit
 from desat.components.maths.attitude import inverse, product, propagated
+from desat.components.physics import atmosphere, orbit, torques
 from desat.runs.run import Options, execute
 
 N, H = predictive.INTERVALS, predictive.PATH_INTERVALS
@@ -272,6 +273,25 @@ def _effects(u: float, passed: float, cause: str) -> list[tuple[float, float, fl
         ):
             columns[first + i - 3] = tuple(column)
     return columns
+
+
+def test_the_torque_of_the_air_is_that_of_drag_at_the_perigee() -> None:
+    """From any point of the orbit, beside the plant's own drag on a cube of 0.3 m."""
+    side, elements = 0.3, orbit.Elements(7e6, 0.05, 0.9, 0.3, 0.2, 2.0)
+    inertia = learning.BULK_DENSITY * side**5 / 6.0
+    seen = {
+        m: learning.air_torque(
+            inertia, *orbit.state_from_elements(elements._replace(mean_anomaly=m))
+        )
+        for m in (0.0, 2.0, 4.0)
+    }
+    r, v = orbit.state_from_elements(elements._replace(mean_anomaly=0.0))
+    density = atmosphere.table(math.hypot(*r) - orbit.EARTH_RADIUS)
+    speed = math.hypot(*v)
+    torque = torques.drag(
+        (speed, 0.0, 0.0), density, 2.2 * side**2, (0.0, 0.1 * side, 0.0)
+    )
+    assert seen == pytest.approx(dict.fromkeys(seen, math.hypot(*torque)), rel=1e-9)
 
 
 def _seen(e: float, deviation: float, doubt: learning.Doubt, is_suspected: bool):

@@ -22,10 +22,7 @@ from ..laws.integrated import null_torque, null_vector
 from ..laws.momentum_management import reduced, without
 from ..maths.attitude import inverse, normalised, product, rotate, rotate_back
 from ..maths.vector import ZERO, add, cross, dot, mat_vec, norm, scale, sub
-from ..physics import atmosphere
 from ..physics.orbit import (
-    EARTH_RADIUS,
-    MU,
     elements_from_state,
     ellipse_state,
     lvlh_attitude,
@@ -57,11 +54,6 @@ PATIENCE = 1e-3  # goal empty: relative discount of a last second against a firs
 MISALIGNMENT = 0.1
 NO_FIRING: Table = (0.0,) * (predictive.THRUSTERS * predictive.INTERVALS)
 TORQUE_SPREAD = 0.5  # prior deviation of constant torques, relative to n^2 J
-# The same of torques fixed to lvlh, in addition: that of the air at the perigee on a cube
-# of BULK_DENSITY (kg/m3), at AIR_ARM of its side from the centre of mass.
-BULK_DENSITY = 1000.0
-DRAG_COEFFICIENT = 2.2
-AIR_ARM = 0.1
 DIPOLE_SPREAD = 0.1  # prior deviation of the craft's own dipole, relative to m_limit
 # Least torque that is not modelled, relative to n^2 J and to the torques that are known,
 # for a sixth of an orbit at a time.
@@ -658,7 +650,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         if self._deviations[learning.GRAVITY] == 0.0:
             self._deviations = learning.spreads(
                 TORQUE_SPREAD * gravity_torque,
-                self._air_torque(largest),
+                learning.air_torque(largest, self.r_eci, self.v_eci),
                 DIPOLE_SPREAD * self.m_limit,
                 noise,
             )
@@ -681,23 +673,6 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         e = learning.COILS
         self.effectiveness = (x[e], x[e + 1], x[e + 2], x[e + 3])
         self.thruster_effectiveness = learning.vector(x, learning.THRUSTERS)
-
-    def _air_torque(self, inertia: float) -> float:
-        """Estimate the torque of the air at the perigee (N m) by the largest inertia.
-
-        inertia (kg m2) is that of a cube of BULK_DENSITY.
-        """
-        orbit = elements_from_state(self.r_eci, self.v_eci)
-        perigee = orbit.semi_major_axis * (1.0 - orbit.eccentricity)
-        side: float = (6.0 * inertia / BULK_DENSITY) ** 0.2
-        pressure = (
-            0.5
-            * atmosphere.table(perigee - EARTH_RADIUS)
-            * MU
-            * (1.0 + orbit.eccentricity)
-            / perigee
-        )
-        return DRAG_COEFFICIENT * pressure * AIR_ARM * side * side * side
 
     def _doubt(self) -> learning.Doubt:
         """Return how readily a coil is taken for failed."""

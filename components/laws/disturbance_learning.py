@@ -38,6 +38,8 @@ from typing import NamedTuple
 from ..contract.block import Table, Vec3, Vec4
 from ..maths import kalman
 from ..maths.vector import norm
+from ..physics import atmosphere
+from ..physics.orbit import EARTH_RADIUS, MU, elements_from_state
 
 MOMENTUM_STATES = 3  # H, with which x begins
 # Index in x of the first element of s, T_eci, T_o, d, e, f, and of T_c and T_s.
@@ -70,6 +72,11 @@ MOST = 1.1
 SPREAD_GRAVITY = 0.3  # prior standard deviation of s (1)
 SPREAD_ACTUATOR = 0.5  # prior standard deviation of e (1)
 SPREAD_THRUSTER = 0.01  # prior standard deviation of f (1)
+# Torque of the air at the perigee, of `air_torque`: on a cube of BULK_DENSITY (kg/m3), at
+# AIR_ARM of its side from the centre of mass.
+BULK_DENSITY = 1000.0
+DRAG_COEFFICIENT = 2.2
+AIR_ARM = 0.1
 
 
 class Doubt(NamedTuple):
@@ -102,6 +109,25 @@ def first_state(h: Vec3) -> Table:
     for i in range(COILS, WAVES):
         x[i] = 1.0
     return tuple(x)
+
+
+def air_torque(inertia: float, r: Vec3, v: Vec3) -> float:
+    """Estimate the largest torque of the air on an orbit (N m), that at its perigee.
+
+    inertia: the largest of the craft (kg m2), which gives the side of a homogeneous cube;
+    r (m) and v (m/s): position and velocity, eci. Source: ours.
+    """
+    orbit = elements_from_state(r, v)
+    perigee = orbit.semi_major_axis * (1.0 - orbit.eccentricity)
+    side: float = (6.0 * inertia / BULK_DENSITY) ** 0.2
+    pressure = (
+        0.5
+        * atmosphere.table(perigee - EARTH_RADIUS)
+        * MU
+        * (1.0 + orbit.eccentricity)
+        / perigee
+    )
+    return DRAG_COEFFICIENT * pressure * AIR_ARM * side * side * side
 
 
 def spreads(torque: float, air: float, dipole: float, noise: float) -> Table:
