@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from desat.components.contract.units import conversion
+
 from ..analyses.manifest import Manifest
 from ..campaign.draws import Draws, draws
 from ..campaign.pairs import Pairs, common, difference, differences
@@ -352,11 +354,12 @@ def _scale(unit: str, other: str) -> float | None:
     if unit == other:
         return 1.0
     first, second = known_unit(unit), known_unit(other)
-    if first is None or second is None or first.offset or second.offset:
+    if first is None or second is None or first.rad != second.rad:
         return None
-    if first[:6] != second[:6] or not any(first[:6]):
+    found = conversion(first, second)
+    if found is None or found[1] != 0.0 or not any((*first.dimension, first.rad)):
         return None
-    return first.factor / second.factor
+    return found[0]
 
 
 def write(comparison: Comparison, path: Path, **more: Any) -> Path:

@@ -233,8 +233,8 @@ def tune(
     search.sample_range()
     if not math.isfinite(search.scale()):
         raise NoValueError(
-            f"{target}: {parameter} = {low:g} to {high:g}: with none of these values do "
-            f"the samples have {number}"
+            f"{target}: {parameter} = {low:g} to {high:g}: samples lack {number} "
+            "with every value"
         )
     search.refine()
     best = search.find_best()
@@ -444,7 +444,7 @@ def _median(rows: Sequence[RunRow], number: str, is_late: bool) -> float:
     values = [r.numbers.get(number) if r.completed else None for r in rows]
     if None in values and not is_late:
         return math.inf
-    median: float = statistics.median(ranks(values, is_late=True))
+    median: float = statistics.median(ranks(values, is_late))
     return median
 
 

@@ -19,8 +19,8 @@ KNOWN = {
 def noise_of(system: System) -> dict[str, float]:
     """Return the standard deviations of KNOWN, in the units given there.
 
-    They are those of a field component, of a wheel's momentum, of a rate about an axis, and of the attitude
-    about an axis including slow errors. A sensor without noise, or one that is not
+    They are those of a field component, of a wheel's momentum, of a rate about an axis,
+    and of the attitude about an axis including slow errors. A sensor without noise, or one that is not
     ours, has 0.
     """
     gyro = craft_of(system).gyro
