@@ -9,14 +9,32 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from desat.components.contract.block import Vec3
 from desat.components.laws import attitude_error
 from desat.components.maths.attitude import rotate
+from desat.components.maths.vector import norm, scale
 from desat.runs.run import Options, execute
 
 NOISE = 1e-7  # T
 SPREAD = 0.02  # of the model's field across it
+SPREAD_ANGLE = 0.1  # rad
 
 Filter = tuple[tuple[float, ...], tuple[float, ...]]
+
+
+def step(
+    x: tuple[float, ...], p: tuple[float, ...], b: Vec3, model: Vec3
+) -> tuple[tuple[float, ...], tuple[float, ...], float]:
+    """Return (x, P) after a measured direction, whose own error is only considered."""
+    size, expected = norm(b), scale(1.0 / norm(model), model)
+    return attitude_error.update(
+        x,
+        p,
+        scale(1.0 / size, b),
+        rotate(attitude_error.rotation(x), expected),
+        (NOISE / size) ** 2,
+        attitude_error.ANGLES,
+    )
 
 
 def estimate(
@@ -28,7 +46,7 @@ def estimate(
     """Return (x, P) after 60 measurements, while the field turns by `turn` (rad)."""
     draw = random.Random(4)
     x: tuple[float, ...] = (0.0,) * attitude_error.STATES
-    p = attitude_error.first_covariance(SPREAD)
+    p = attitude_error.first_covariance(SPREAD_ANGLE, SPREAD)
     true = attitude_error.rotation((*theta, 0.0, 0.0, 0.0))
     for k in range(60):
         u = 0.4 + turn * k / 59.0
@@ -36,9 +54,7 @@ def estimate(
         b = size * np.array(rotate(true, tuple(model.tolist())))
         b += np.linalg.norm(b) * np.array(model_error)
         b += [draw.gauss(0.0, NOISE) for _ in range(3)]
-        x, p, _ = attitude_error.update(
-            x, p, tuple(b.tolist()), tuple(model.tolist()), NOISE
-        )
+        x, p, _ = step(x, p, tuple(b.tolist()), tuple(model.tolist()))
     return x, p
 
 
@@ -64,7 +80,7 @@ def test_a_field_that_does_not_turn_shows_two_axes() -> None:
     along = np.array([2.3e-5 * math.cos(0.4), 2.4e-6, 4.6e-5 * math.sin(0.4)])
     along /= np.linalg.norm(along)
     covariance = np.array(p).reshape(attitude_error.STATES, -1)[:3, :3]
-    spread = attitude_error.SPREAD_ANGLE
+    spread = SPREAD_ANGLE
     assert math.sqrt(along @ covariance @ along) > 0.8 * spread
     assert abs(along @ np.array(x[:3])) < spread
     across = np.linalg.eigvalsh(covariance)[:2]
@@ -86,12 +102,12 @@ def test_innovations_show_the_noise() -> None:
     """The mean ratio is the true variance over the assumed one."""
     draw = random.Random(8)
     x: tuple[float, ...] = (0.0,) * attitude_error.STATES
-    p = attitude_error.first_covariance(SPREAD)
+    p = attitude_error.first_covariance(SPREAD_ANGLE, SPREAD)
     ratios = []
     model = (2e-5, 0.0, 3e-5)
     for _ in range(400):
         b = tuple(m + draw.gauss(0.0, 3.0 * NOISE) for m in model)
-        x, p, ratio = attitude_error.update(x, p, b, model, NOISE)  # type: ignore[arg-type]
+        x, p, ratio = step(x, p, b, model)  # type: ignore[arg-type]
         ratios.append(ratio)
     assert np.mean(ratios[1:]) == pytest.approx(9.0, rel=0.2)
 

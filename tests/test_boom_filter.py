@@ -14,8 +14,9 @@ from scipy.integrate import solve_ivp
 from test_alsat1 import NEAR, THREE, J, N, boom
 
 from desat.components.contract.block import BlockError
-from desat.components.laws import boom_filter, field_reference, orbit_momentum
+from desat.components.laws import attitude_error, boom_filter, orbit_momentum
 from desat.components.laws import gravity_gradient as gravity
+from desat.components.maths import kalman
 from desat.components.maths.attitude import propagated, rotate
 from desat.components.maths.vector import add, cross, dot, inverse, mat_vec, sub
 from desat.runs.run import Options, execute
@@ -121,7 +122,7 @@ def test_the_covariance_stays_symmetric_and_positive_over_ten_orbits():
         q, x, p, _, surprise = boom_filter.update(
             q, x, p, interval(10.0 * k), measured, omega, SETTING
         )
-        assert surprise < boom_filter.UNSOUND
+        assert surprise < kalman.UNSOUND
         if k % 100 == 0:
             matrix = np.reshape(p, (15, 15))
             assert np.array_equal(matrix, matrix.T)
@@ -215,20 +216,25 @@ def test_a_constant_attitude_error_and_a_torque_are_told_apart():
         assert np.sqrt((error**2).mean(axis=0)).max() < most, name
 
 
-REFERENCE = field_reference.Setting(8.7e-3, 1e-6, 1e-6, 1e-6, 9000.0)
-
-
 def refer(model_error=0.0):
     """Return the numbers of the filter after three orbits, with a bias of 1 uT."""
     rng = np.random.default_rng(1)
-    x, p = field_reference.begin(REFERENCE)
+    x, p, remainder = (
+        (0.0,) * 6,
+        attitude_error.first_covariance(8.7e-3, 1e-6),
+        (0.0, 0.0),
+    )
     for k in range(1838):
         b = orbit_field(10.0 * k)
         turned = rotate((0.0, 0.0, math.sin(model_error), math.cos(model_error)), b)
-        offset = sub(OFFSET, field_reference.offset_of(x))
+        offset = add(OFFSET, attitude_error.angles_of(x))
         model = sub(turned, cross(offset, turned))
         measured = tuple(np.add(b, 1e-6) + 3e-7 * rng.standard_normal(3))
-        x, p = field_reference.update(x, p, measured, model, 10.0, REFERENCE)
+        variance, remainder = attitude_error.variance_of(
+            x, remainder, measured, model, 1e-6, 10.0, 9000.0
+        )
+        p = attitude_error.walked(p, 1e-6, 10.0)
+        x, p, _ = attitude_error.update(x, p, measured, model, variance, 6)
     return x, p
 
 
@@ -239,8 +245,8 @@ def test_offset_and_magnetometer_bias_are_found():
     deviation = np.sqrt(np.diag(matrix))
     assert deviation[:3].max() < 5e-3
     for found, truth, sigma in (
-        (field_reference.offset_of(x), OFFSET, deviation[:3]),
-        (field_reference.bias_of(x), (1e-6,) * 3, deviation[3:]),
+        (attitude_error.angles_of(x), sub((0.0, 0.0, 0.0), OFFSET), deviation[:3]),
+        (attitude_error.field_error_of(x), (1e-6,) * 3, deviation[3:]),
     ):
         assert np.all(np.abs(np.subtract(found, truth)) < 2.0 * sigma)
 

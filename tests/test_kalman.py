@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -30,6 +33,7 @@ def test_scalar_updates_are_the_update_by_a_vector(
             product.tolist(),
             float(y - c @ np.array(x)),
             float(c @ product + variance),
+            states,
         )
 
     innovation = matrix @ covariance @ matrix.T + np.diag(variances)
@@ -60,7 +64,7 @@ def test_states_that_are_only_considered_keep_value_and_doubt(
     product = covariance @ c
     innovation = 0.7
     total = float(c @ product + variance)
-    kalman.correct_first(x, p, product.tolist(), innovation, total, estimated)
+    kalman.correct(x, p, product.tolist(), innovation, total, estimated)
     gain = np.where(np.arange(states) < estimated, product / total, 0.0)
     remainder = np.eye(states) - np.outer(gain, c)
     np.testing.assert_allclose(x, before + gain * innovation, rtol=1e-12, atol=1e-14)
@@ -88,3 +92,33 @@ def test_a_covariance_whose_first_states_move_is_f_p_f(
         after, transition @ covariance @ transition.T, rtol=1e-9, atol=1e-10
     )
     assert np.array_equal(after[moving:], after[:, moving:].T)
+
+
+def test_a_filter_is_lost_by_surprises_in_a_row_or_by_what_is_no_number() -> None:
+    count = 0
+    for innovation, expected in ((6.1, 1), (6.1, 2), (5.9, 0), (6.1, 1)):
+        count = kalman.count_surprises(count, kalman.surprise(innovation, 1.0))
+        assert count == expected
+    for innovation, variance in (
+        (1.0, 0.0),
+        (1.0, -1.0),
+        (math.nan, 1.0),
+        (0.0, math.inf),
+    ):
+        worst = kalman.surprise(innovation, variance)
+        assert kalman.count_surprises(0, worst) == kalman.SURPRISES
+
+
+@pytest.mark.parametrize(
+    ("x", "variance", "sound"),
+    [
+        (1.0, 0.0, True),
+        (1.0, -1e-300, False),
+        (1.0, math.nan, False),
+        (math.inf, 1.0, False),
+    ],
+)
+def test_a_covariance_that_is_that_of_nothing_is_unsound(
+    x: float, variance: float, sound: bool
+) -> None:
+    assert kalman.is_sound([0.0, x], [1.0, 0.0, 0.0, variance]) is sound

@@ -204,7 +204,7 @@ def test_filter_finds_a_dead_and_a_turned_coil() -> None:
         ]
         seen = tuple(y + draw.gauss(0.0, 1e-3) for y in h)
         rows = learning.causes(tuple(columns))
-        x, p = learning.update(
+        x, p, _ = learning.update(
             x, p, seen, rows, 1e-3, 1e-4, ((0.0,) * 3,) * 3, spreads, 1e-3, -1
         )  # type: ignore[arg-type]
     assert x[13:17] == pytest.approx((0.0, 1.0, -1.0, 0.7), abs=0.05)
@@ -468,7 +468,7 @@ def test_a_thruster_is_known_until_it_is_doubted() -> None:
         columns = [(0.0, 0.0, 0.0)] * learning.CAUSES
         columns[first] = (impulse, 0.0, 0.0)
         h += 0.5 * impulse
-        x, p = learning.update(
+        x, p, _ = learning.update(
             x,
             p,
             (h, 0.0, 0.0),

@@ -21,8 +21,9 @@ from desat.components.blocks.manager_detumbling_rollout import (
     missed,
 )
 from desat.components.contract.block import BlockError, Vec3, Vec4
-from desat.components.laws import craft_filter, rate_filter, rate_observer, rollout
+from desat.components.laws import craft_filter, rate_observer, rollout
 from desat.components.laws.acquisition import all_coils
+from desat.components.maths import kalman
 from desat.components.maths.vector import ZERO, cross, mat_vec
 from desat.components.physics.gyrostat import carrier_inertia, inverse_inertia
 
@@ -192,12 +193,15 @@ def test_the_filter_knows_the_rate_along_the_field_and_how_well() -> None:
     random = np.random.default_rng(5)
     inverse = inverse_inertia(CARRIER)
     noise, squares, aligned = 3e-7, [], []
+    doubts = craft_filter.Doubts(0.2, noise, 0.0, 0.0, 0.0)
+    setting = craft_filter.Setting(doubts, CARRIER, 3e-5, 3e-8)
     for _ in range(12):
         omega = np.asarray(random.choice([-0.1, 0.1], 3))
         b = random.normal(size=3)
         b *= 3e-5 / np.linalg.norm(b)
-        rate, field = ZERO, tuple(b + noise * random.normal(size=3))
-        p = rate_filter.diagonal(0.04), rate_filter.NONE, rate_filter.diagonal(noise**2)
+        x, p = craft_filter.begin(
+            tuple(b + noise * random.normal(size=3)), ZERO, setting
+        )
         for k in range(200):
             for _ in range(20):
                 slope = mat_vec(
@@ -210,17 +214,13 @@ def test_the_filter_knows_the_rate_along_the_field_and_how_well() -> None:
                 omega = omega + 0.05 * np.asarray(slope)
                 half = b + 0.025 * np.asarray(cross(tuple(b), tuple(middle)))
                 b = b + 0.05 * np.asarray(cross(tuple(half), tuple(middle)))
-            p = rate_filter.spread(
-                rate, field, ZERO, *p, CARRIER, inverse, 3e-5, 3e-8, 1.0
-            )
-            rate, field = rate_observer.predicted(
-                rate, field, ZERO, ZERO, ZERO, CARRIER, inverse, 1.0
-            )
             seen = tuple(b + noise * random.normal(size=3))
-            rate, field, *p = rate_filter.corrected(rate, field, seen, *p, noise)
+            passed = craft_filter.Passed(1.0, ZERO, ZERO, ZERO, seen, ZERO, 0.0)
+            x, p, _ = craft_filter.updated(x, p, passed, setting, True)
             if k >= 100 and k % 10 == 0:
-                error = np.subtract(rate, omega)
-                squares.append(error @ np.linalg.solve(np.reshape(p[0], (3, 3)), error))
+                error = np.subtract(craft_filter.rate_of(x), omega)
+                covariance = np.reshape(craft_filter.rates_covariance(p), (3, 3))
+                squares.append(error @ np.linalg.solve(covariance, error))
                 aligned.append(abs(error @ b) / np.linalg.norm(b))
     assert np.median(aligned) < 2e-3  # of 0.1 rad/s, which no single sample shows
     # of three degrees of freedom; the field here is held, so that the filter errs to
@@ -518,11 +518,9 @@ def test_a_field_that_is_no_number_or_a_negative_variance_is_unsound() -> None:
     passed = craft_filter.Passed(1.0, ZERO, ZERO, ZERO, FIELD, ZERO, 0.0)
     assert craft_filter.updated(x, p, passed, it, True)[2] < 1.0
     wrong = passed._replace(field=(inf, 0.0, 0.0))
-    assert craft_filter.updated(x, p, wrong, it, True)[2] == craft_filter.UNSOUND
+    assert craft_filter.updated(x, p, wrong, it, True)[2] == kalman.UNSOUND
     negative = tuple(-1.0 if k == 25 * 12 else v for k, v in enumerate(p))
-    assert (
-        craft_filter.updated(x, negative, passed, it, True)[2] == craft_filter.UNSOUND
-    )
+    assert craft_filter.updated(x, negative, passed, it, True)[2] == kalman.UNSOUND
 
 
 def test_a_constant_is_held_within_four_deviations() -> None:
@@ -539,7 +537,7 @@ def test_a_constant_is_held_within_four_deviations() -> None:
     # moments so small, with such a product, belong to nothing
     still = craft_filter.Passed(1.0, ZERO, ZERO, ZERO, FIELD, ZERO, 0.0)
     thin = (*x[:6], 0.06, 0.06, 0.06, 0.05, 0.05, -0.05, *x[12:])
-    assert craft_filter.updated(thin, p, still, it, False)[2] == craft_filter.UNSOUND
+    assert craft_filter.updated(thin, p, still, it, False)[2] == kalman.UNSOUND
 
 
 def test_it_learns_the_inertia_and_the_coupling_once_the_rate_is_known() -> None:

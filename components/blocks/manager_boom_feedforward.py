@@ -6,9 +6,9 @@ from math import sqrt
 from ..bases.boom import NOTHING, X_AXIS, Y_AXIS, Z_AXIS, Boom
 from ..bases.earth_field import EarthField
 from ..contract.block import SMALL_ANGLE, Mat33, Output, Parameter, Table, Vec3, Vec4
-from ..laws import boom_filter, field_reference, firing, orbit_momentum
+from ..laws import attitude_error, boom_filter, firing, orbit_momentum
 from ..laws import gravity_gradient as laws
-from ..laws.craft_filter import UNSOUND
+from ..maths import kalman
 from ..maths.attitude import (
     IDENTITY_Q,
     inverse,
@@ -30,8 +30,6 @@ TORQUE_LIMIT, LEAN_LIMIT, CAPACITY = 5, 6, 7
 ENTRIES = 8
 NONE = -1
 TWO_PI = 6.283185307179586
-SURPRISE = 36.0  # innovation squared over its variance: six standard deviations
-SURPRISES = 5  # so many in a row, and the filter is lost
 NADIR: Vec3 = (0.0, 0.0, 1.0)  # of a craft that is aligned with the orbit, body
 
 
@@ -95,7 +93,7 @@ class ManagerBoomFeedforward(Boom, EarthField):
     **A second reference.** A constant attitude error acts like a constant torque. With
     `field_model` the direction of the measured field against that of a model of the
     Earth's field shows the error, and the magnetometer's bias
-    (`components.laws.field_reference`); both are taken away. A model that does not fit the
+    (`components.laws.attitude_error`); both are taken away. A model that does not fit the
     field teaches next to nothing. Where the error is known so, the lean is zero within
     `upright_time` of a known firing, since the error that the firing causes would add to it.
 
@@ -443,16 +441,11 @@ class ManagerBoomFeedforward(Boom, EarthField):
         if self.estimator == JOINT:
             self._check_joint()
         self._state, self._covariance = boom_filter.begin(ZERO, self._setting)
-        self._reference_setting = field_reference.Setting(
-            self.offset_spread,
-            self.offset_walk,
-            self.field_bias_spread,
-            self.field_noise,
-            self.field_memory,
+        self._error: Table = (0.0,) * attitude_error.STATES
+        self._error_covariance = attitude_error.first_covariance(
+            self.offset_spread, self.field_bias_spread
         )
-        self._reference, self._reference_covariance = field_reference.begin(
-            self._reference_setting
-        )
+        self._field_remainder: Table = (0.0, 0.0)
         self.start_field(igrf=self.field_model == IGRF)
         self._field, self._field_variance = orbit_momentum.first_field()
         self._is_filtering = False  # whether the filter has had a measurement
@@ -665,8 +658,8 @@ class ManagerBoomFeedforward(Boom, EarthField):
             self._found = add(self._found, mat_vec(self.inertia, correction))
             self._learn(t)
             self._filter_time += elapsed
-            self._surprises = self._surprises + 1 if surprise > SURPRISE else 0
-            if self._surprises >= SURPRISES or surprise >= UNSOUND:
+            self._surprises = kalman.count_surprises(self._surprises, surprise)
+            if self._surprises >= kalman.SURPRISES:
                 self.filter_restarts += 1
                 self._is_filtering = False
                 self._resume()
@@ -701,23 +694,34 @@ class ManagerBoomFeedforward(Boom, EarthField):
 
     def _b_measured(self) -> Vec3:
         """Return the measured field (T, body) less the magnetometer's estimated bias."""
-        return sub(self.b_body, field_reference.bias_of(self._reference))
+        return sub(self.b_body, attitude_error.field_error_of(self._error))
 
     def _find_offset(self, t: float, elapsed: float) -> None:
         """Find the attitude's constant error at t (s) by the field, and take it away.
 
         elapsed: time (s) since the last sample.
         """
-        model = self.field_eci(self.r_eci, t, igrf=self.field_model == IGRF)
-        self._reference, self._reference_covariance = field_reference.update(
-            self._reference,
-            self._reference_covariance,
-            self.b_body,
-            rotate(self._q, model),
-            elapsed,
-            self._reference_setting,
+        expected = rotate(
+            self._q, self.field_eci(self.r_eci, t, igrf=self.field_model == IGRF)
         )
-        offset = field_reference.offset_of(self._reference)
+        variance, self._field_remainder = attitude_error.variance_of(
+            self._error,
+            self._field_remainder,
+            self.b_body,
+            expected,
+            self.field_noise,
+            elapsed,
+            self.field_memory,
+        )
+        self._error, self._error_covariance, _ = attitude_error.update(
+            self._error,
+            attitude_error.walked(self._error_covariance, self.offset_walk, elapsed),
+            self.b_body,
+            expected,
+            variance,
+            attitude_error.STATES,
+        )
+        offset = scale(-1.0, attitude_error.angles_of(self._error))
         c = matrix(product(self._q, inverse(self.q_ref_bi)))
         self._q, self._state = boom_filter.turn(
             self._q,

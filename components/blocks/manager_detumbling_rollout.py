@@ -4,8 +4,9 @@ from collections.abc import Iterator
 
 from ..contract.block import SPIN, Mat33, Output, Parameter, Vec3, Vec4
 from ..contract.roles import Manager, WheelInertias
-from ..laws import craft_filter, rate_filter, rate_observer, rollout
+from ..laws import craft_filter, rollout
 from ..laws.acquisition import all_coils, within
+from ..maths import kalman
 from ..maths.vector import ZERO, clip, dot, inverse, mat_vec, sub
 from ..physics.gyrostat import carrier_inertia, check_inertia, inverse_inertia
 
@@ -21,8 +22,6 @@ MISSES = 5
 # rad/s, of each axis: standard deviation from which on inertia, coils and coupling are
 # estimated, and dipoles are commanded where the coupling is doubted
 FAMILIAR_RATE = 0.02
-SURPRISE = 36.0  # square of an innovation over its variance that no filter may show ...
-SURPRISES = 5  # ... so many samples in a row: it is lost
 _STILL: Vec4 = (0.0, 0.0, 0.0, 0.0)
 
 
@@ -59,20 +58,21 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
     detumbled (`mode`).
 
     **Rate.** `gyro`, or `filter`: an extended Kalman filter of magnetometer and
-    tachometers (`components.laws.rate_filter`), with which the craft counts as slow
+    tachometers (`components.laws.craft_filter`), with which the craft counts as slow
     only where the covariance is small enough. Without a valid rate nothing is
     commanded. Without a valid field there is no dipole and no search, and the filter
     restarts. Without a valid h_wheel there is no search.
 
-    **Doubt.** Where `inertia_spread`, `coil_spread` or `coupling_spread` is above 0, a
+    **Doubt.** Where `inertia_spread`, `coil_spread` or `coupling_spread` is above 0, the
     filter also estimates the inertia, what each coil gives and the coils' field at the
-    magnetometer (`components.laws.craft_filter`), once every rate is known to 0.02 rad/s.
-    With a gyro this filter uses its rate, too, with the deviation `gyro_noise`; the law
-    still takes the measured rate. The model flies the inertia estimated, and a coil that
-    turns out to be turned is commanded the other way. Where the coupling is doubted there
-    is no dipole before. A filter that is lost starts anew (`filter_restarts`): its
-    innovation is beyond six standard deviations five samples in a row, its covariance has
-    a negative variance, or its inertia is not positive definite.
+    magnetometer, once every rate is known to 0.02 rad/s. With a gyro it uses its rate,
+    too, with the deviation `gyro_noise`; the law still takes the measured rate. The model
+    flies the inertia estimated, and a coil that turns out to be turned is commanded the
+    other way. Where the coupling is doubted there is no dipole before.
+
+    A filter that is lost starts anew (`filter_restarts`): its innovation is beyond six
+    standard deviations five samples in a row, its covariance has a negative variance, or
+    its inertia is not positive definite.
 
     **Wheels.** The difference between a wheel's command and the change of its momentum
     is taken for friction and added to the command. A wheel that gives less than a fifth
@@ -272,9 +272,8 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         self._slow_since = -1.0
         self._is_slow = False
         self._omega: Vec3 | None = None
-        self._b_model: Vec3 | None = None
         self._h_before = _STILL
-        self._rates = self._mixed = self._fields = rate_filter.NONE
+        self._rates = craft_filter.rates_covariance(self._doubt)
         self._t_before = 0.0
         self.tau_cmd_wheel = _STILL
         self.m_cmd_body = self.tau_cmd_thruster_body = self.omega_est_body = ZERO
@@ -419,51 +418,8 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
                 self._learn(t, self.valid_b and self.valid_h and self.valid_omega)
                 self._omega = self.omega_bi_body if self.valid_omega else None
             return
-        if self._is_doubting:
-            self._omega = None
-            self._learn(t, self.valid_b and self.valid_h)
-            return
-        if not (self.valid_b and self.valid_h):
-            self._omega = self._b_model = None
-            return
-        omega, model = self._omega, self._b_model
-        if omega is None or model is None:
-            self._omega, self._b_model = ZERO, self._b
-            self._rates = rate_filter.diagonal(UNKNOWN_RATE * UNKNOWN_RATE)
-            self._mixed = rate_filter.NONE
-            self._fields = rate_filter.diagonal(self.field_noise * self.field_noise)
-        else:
-            elapsed = t - self._t_before
-            axes, carrier, inverted = self.axes_wheel, self._carrier, self._inverse
-            wheel = rollout.along(axes, self._h_before)
-            rates, mixed, fields = rate_filter.spread(
-                omega,
-                model,
-                wheel,
-                self._rates,
-                self._mixed,
-                self._fields,
-                carrier,
-                inverted,
-                self.rate_noise,
-                self.field_turn,
-                elapsed,
-            )
-            omega, model = rate_observer.predicted(
-                omega,
-                model,
-                self.m_cmd_body,
-                self._wheel_torque(elapsed),
-                wheel,
-                carrier,
-                inverted,
-                elapsed,
-            )
-            self._omega, self._b_model, self._rates, self._mixed, self._fields = (
-                rate_filter.corrected(
-                    omega, model, self._b, rates, mixed, fields, self.field_noise
-                )
-            )
+        self._omega = None
+        self._learn(t, self.valid_b and self.valid_h)
 
     def _wheel_torque(self, elapsed: float) -> Vec3:
         """Compute the wheels' torque on the body since the last sample (N m, body).
@@ -506,8 +462,8 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
             self._setting,
             self._is_familiar(),
         )
-        self._surprises = self._surprises + 1 if surprise > SURPRISE else 0
-        if self._surprises >= SURPRISES or surprise >= craft_filter.UNSOUND:
+        self._surprises = kalman.count_surprises(self._surprises, surprise)
+        if self._surprises >= kalman.SURPRISES:
             self.filter_restarts += 1
             self._begin_learning()
             return

@@ -20,6 +20,7 @@ from ..laws import disturbance_learning as learning
 from ..laws.blending import Split
 from ..laws.integrated import null_torque, null_vector
 from ..laws.momentum_management import reduced, without
+from ..maths import kalman
 from ..maths.attitude import inverse, normalised, product, rotate, rotate_back
 from ..maths.vector import ZERO, add, cross, dot, mat_vec, norm, scale, sub
 from ..physics.orbit import (
@@ -76,6 +77,7 @@ FIELD_DEVIATIONS = 5.0
 # Goal empty: weight of `field_noise` in measurements against the noise that is seen, and
 # least number of measurements from which an error of the attitude is corrected.
 NOISE_WEIGHT = 0.3
+SPREAD_ANGLE = 0.1  # rad, prior deviation of the attitude's error about each axis
 LEAST_FIELD_NOISE = 1e-10  # T, with which an attitude error is learnt
 FEWEST_MEASUREMENTS = 2.0
 AXES: tuple[Vec3, Vec3, Vec3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -329,6 +331,9 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         "N.m", "the constant torque that is seen, eci", interval=True
     )
     plan_steps: int = Output("1", "Newton steps of the last plan", interval=True)
+    filter_restarts: int = Output(
+        "1", "how often the filter was lost and started anew", interval=True
+    )
 
     def start(self) -> None:
         super().start()
@@ -345,6 +350,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         self._p = (0.0,) * (learning.STATES * learning.STATES)
         self._deviations = (0.0,) * learning.STATES
         self._evidence = (0.0,) * learning.EVIDENCE
+        self._surprises = self.filter_restarts = 0
         self._suspected: Vec4 = (0.0, 0.0, 0.0, 0.0)
         self._known = -1.0
         self._b_eci = self._gravity = self._dipole_planned = ZERO
@@ -374,7 +380,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
     def _start_correction(self) -> None:
         """Begin with an attitude that counts as right."""
         self._error: Table = (0.0,) * attitude_error.STATES
-        self._error_p = attitude_error.first_covariance(self.field_spread)
+        self._error_p = attitude_error.first_covariance(SPREAD_ANGLE, self.field_spread)
         self._correction: Vec4 = (0.0, 0.0, 0.0, 1.0)
         self._is_misaligned = False
         noise = max(self.field_noise, LEAST_FIELD_NOISE)
@@ -539,9 +545,18 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             return q
         if self.valid_b:
             model = rotate(q, self._field(self.r_eci, self.v_eci, t))
-            variance = self._field_variance
+            size = max(norm(self.b_body), 1e-12)
+            # directions, so that a model whose field is too large has no effect
             self._error, self._error_p, ratio = attitude_error.update(
-                self._error, self._error_p, self.b_body, model, sqrt(variance)
+                self._error,
+                self._error_p,
+                scale(1.0 / size, self.b_body),
+                rotate(
+                    attitude_error.rotation(self._error),
+                    scale(1.0 / max(norm(model), 1e-12), model),
+                ),
+                self._field_variance / (size * size),
+                attitude_error.ANGLES,
             )
             # the first measurement shows the error, the next ones the noise
             if self._measurements >= 1.0:
@@ -654,8 +669,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
                 DIPOLE_SPREAD * self.m_limit,
                 noise,
             )
-            self._p = learning.first_covariance(self._deviations)
-            self._x = learning.first_state(h)
+            self._begin_learning(h)
         passed = t - self._known
         if self._known < 0.0 or passed > 10.0 * self.sample_time or not self.valid_b:
             self._restart(h, noise)
@@ -677,6 +691,13 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
     def _doubt(self) -> learning.Doubt:
         """Return how readily a coil is taken for failed."""
         return learning.EMPTYING if self.goal == EMPTY else learning.HOLDING
+
+    def _begin_learning(self, h: Vec3) -> None:
+        """Let the filter begin, with all of its doubts, at the momentum h (N m s, eci)."""
+        self._x = learning.first_state(h)
+        self._p = learning.first_covariance(self._deviations)
+        self._evidence = (0.0,) * learning.EVIDENCE
+        self._surprises = 0
 
     def _restart(self, h: Vec3, noise: float) -> None:
         """Restart the filter's momentum at h (N m s, eci); keep the parameters."""
@@ -733,7 +754,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         )
         # commands, and so their roundings, last as long as innovations are averaged
         lasting = sqrt(2.0 / 3.0 * learning.SMOOTHED * orbit / passed)
-        self._x, self._p = learning.update(
+        self._x, self._p, surprise = learning.update(
             self._x,
             self._p,
             h,
@@ -749,6 +770,10 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             DRIFT * sqrt(passed / orbit),
             failed,
         )
+        self._surprises = kalman.count_surprises(self._surprises, surprise)
+        if self._surprises >= kalman.SURPRISES:
+            self.filter_restarts += 1
+            self._begin_learning(h)
 
     def _rounding(self) -> Vec3:
         """Return the largest errors of the last firing by its rounding (N m s, body).

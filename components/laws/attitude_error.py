@@ -1,54 +1,70 @@
-"""Estimate a constant error of a known attitude from the measured field.
+"""Estimate a constant error of a known attitude from the measured field and a model.
 
 The true attitude is exp(-[theta]x) C with C the known attitude, theta (rad, body) the
-constant error. The direction of the measured field then is
+constant error. With B the model's field in the attitude that is known with the estimate
+of theta, the measured field is
 
-    b / |b| = exp(-[theta]x) m / |m| + e + noise
+    z = B + [z]x (theta - theta_est) + c + v
 
-with m the model's field in the known attitude (body) and e (1, body) the constant error
-of the model's direction. One measurement shows theta about the two axes across the
-field; as the field turns, all three become observable. e looks like an attitude error as
-long as the field has not turned. Therefore e is a considered state (Schmidt): it is
-never corrected, and its prior deviation stays in the deviation of theta. The size of the
-field has no effect.
+with c (body) a constant error of the field in the body: a magnetometer's bias, or an
+error of the model's direction. z, B and c are in T, or 1 where z and B are directions; the
+size of the field then has no effect. One measurement shows theta about the two axes across
+the field. As the field turns, all three become observable, and theta is told from c. Where
+the field hardly turns, c looks like theta: c is then only considered (Schmidt), and its
+deviation stays in that of theta.
 
-A Kalman filter has the state x = (theta, e).
+A Kalman filter has the state x = (theta, c). v is noise and the error of the model, which
+lasts for many samples (`variance_of`).
+
+Source: ours.
 """
 
 from __future__ import annotations
 
+from math import exp
+
 from ..contract.block import Table, Vec3, Vec4
 from ..maths import kalman
-from ..maths.attitude import IDENTITY_Q, propagated, rotate
-from ..maths.vector import dot, mat_vec, norm, scale, sub
+from ..maths.attitude import IDENTITY_Q, propagated
+from ..maths.vector import dot, mat_vec, sub
 from .predictive import inverse_of_lower, root
 
 ANGLES = 3  # theta, with which x begins
 STATES = 6
-SPREAD_ANGLE = 0.1  # rad, prior standard deviation of theta about each axis
 SIGNIFICANT = 3.0  # standard deviations from which an error counts
+# s: as long the model's error is the same, 36 deg of an orbit
+CORRELATION_TIME = 600.0
 
 
-def first_covariance(field_spread: float) -> Table:
-    """Build the initial covariance P, row-major.
+def first_covariance(angle: float, field: float) -> Table:
+    """Build the initial covariance P (6 x 6, row-major).
 
-    field_spread (1): standard deviation of e, the relative error of the model's field
-    across it.
+    angle (rad), field (T, or 1): standard deviations of theta and c, each axis.
     """
     p = [0.0] * (STATES * STATES)
     for i in range(STATES):
-        spread = SPREAD_ANGLE if i < ANGLES else field_spread
+        spread = angle if i < ANGLES else field
         p[STATES * i + i] = spread * spread
     return tuple(p)
 
 
-def rotation(x: Table) -> Vec4:
-    """Return the quaternion of the estimated error: true body from known body."""
-    return propagated(IDENTITY_Q, (x[0], x[1], x[2]), 1.0)
+def walked(p: Table, walk: float, elapsed: float) -> Table:
+    """Return P after the elapsed time (s), in which theta walks (rad in a root second)."""
+    covariance = [0.0] * (STATES * STATES)
+    for i in range(STATES * STATES):
+        covariance[i] = p[i]
+    for i in range(ANGLES):
+        covariance[(STATES + 1) * i] += walk * walk * elapsed
+    return tuple(covariance)
 
 
 def update(
-    x: Table, p: Table, measured: Vec3, model: Vec3, noise: float
+    x: Table,
+    p: Table,
+    measured: Vec3,
+    expected: Vec3,
+    variance: float,
+    estimated: int,
 ) -> tuple[Table, Table, float]:
     """Return (x, P) after a measurement, and how large its innovation is.
 
@@ -58,29 +74,27 @@ def update(
     ----------
     x, p : Table
         State, from zeros on, and covariance (row-major).
-    measured, model : Vec3
-        The measured field, and that of the model in the known attitude (T, body).
-    noise : float
-        Standard deviation of a measured component (T).
+    measured, expected : Vec3
+        The measured field z, and that of the model, B (T, or directions; body).
+    variance : float
+        Of a measured component (the square of their unit).
+    estimated : int
+        STATES; or ANGLES, with c only considered.
     """
     state, covariance = [0.0] * STATES, [0.0] * (STATES * STATES)
     for i in range(STATES):
         state[i] = x[i]
     for i in range(STATES * STATES):
         covariance[i] = p[i]
-    size = max(norm(measured), 1e-12)
-    expected = rotate(rotation(x), scale(1.0 / max(norm(model), 1e-12), model))
-    direction = scale(1.0 / size, measured)
-    found = sub(direction, expected)
-    variance = (noise / size) * (noise / size)
-    # [direction]x, the derivative by theta: taken at the measured direction, as an
-    # expected one that moves with the estimate would seem to show the third axis
-    ex, ey, ez = direction
-    slopes = (0.0, -ez, ey, ez, 0.0, -ex, -ey, ex, 0.0)
+    found = sub(measured, expected)
+    # the derivative by theta, taken at the measured field, as an expected one that moves
+    # with the estimate would seem to show the third axis
+    bx, by, bz = measured
+    slopes = (0.0, -bz, by, bz, 0.0, -bx, -by, bx, 0.0)
     product = [0.0] * STATES
     squares = 0.0
     for row in range(3):
-        innovation = found[row]
+        innovation = found[row] - state[ANGLES + row]
         for j in range(ANGLES):
             # by as much as the components before this one have corrected it
             innovation -= slopes[3 * row + j] * (state[j] - x[j])
@@ -92,14 +106,66 @@ def update(
         for j in range(ANGLES):
             total += slopes[3 * row + j] * product[j]
         squares += innovation * innovation / total
-        kalman.correct_first(state, covariance, product, innovation, total, ANGLES)
+        kalman.correct(state, covariance, product, innovation, total, estimated)
     # two axes are across the field
     return tuple(state), tuple(covariance), 0.5 * squares
 
 
+def variance_of(
+    x: Table,
+    remainder: Table,
+    measured: Vec3,
+    expected: Vec3,
+    noise: float,
+    elapsed: float,
+    memory: float,
+) -> tuple[float, Table]:
+    """Return the variance (T2) of v, and the mean square of what x does not explain.
+
+    With s the mean square and k the samples in `CORRELATION_TIME`, the variance is
+    noise^2 + k s (1 + s / noise^2), so that a model that does not fit teaches next to
+    nothing.
+
+    Parameters
+    ----------
+    x : Table
+        State.
+    remainder : Table
+        Mean square (T2) of z - B - c, and its weight in samples, from zeros on.
+    measured, expected : Vec3
+        Of `update`, in T.
+    noise : float
+        Standard deviation of a measured field from a model that fits (T, each axis).
+    elapsed : float
+        Time since the last measurement (s), above 0.
+    memory : float
+        Time constant of the mean square (s).
+    """
+    remaining = sub(sub(measured, expected), field_error_of(x))
+    weight = remainder[1] * exp(-elapsed / memory) + 1.0
+    square = remainder[0] + (dot(remaining, remaining) / 3.0 - remainder[0]) / weight
+    least = noise * noise
+    correlated = max(CORRELATION_TIME / elapsed, 1.0)
+    return least + correlated * square * (1.0 + square / least), (square, weight)
+
+
+def angles_of(x: Table) -> Vec3:
+    """Return theta (rad, body)."""
+    return (x[0], x[1], x[2])
+
+
+def field_error_of(x: Table) -> Vec3:
+    """Return c (T, or 1; body)."""
+    return (x[3], x[4], x[5])
+
+
+def rotation(x: Table) -> Vec4:
+    """Return the quaternion of the estimated error: true body from known body."""
+    return propagated(IDENTITY_Q, angles_of(x), 1.0)
+
+
 def is_significant(x: Table, p: Table) -> bool:
     """Return whether theta is beyond `SIGNIFICANT` standard deviations from zero."""
-    theta = (x[0], x[1], x[2])
     covariance = (p[0], p[1], p[2], p[6], p[7], p[8], p[12], p[13], p[14])
-    ratio = mat_vec(inverse_of_lower(root(covariance)), theta)
+    ratio = mat_vec(inverse_of_lower(root(covariance)), angles_of(x))
     return dot(ratio, ratio) > SIGNIFICANT * SIGNIFICANT

@@ -16,7 +16,7 @@ and begins anew at zero. Linear about the estimate, with [a] the matrix of a x,
 
 The attitude measures theta and the gyro omega + b, six numbers one after the other. b, d
 and m_r are random walks. A constant attitude error acts on gravity's torque like a
-constant d, so the two cannot be told apart here; `field_reference` finds it, and `turn`
+constant d, so the two cannot be told apart here; `attitude_error` finds it, and `turn`
 takes what it finds.
 
 Source: ours; the attitude error as in Lefferts, Markley & Shuster, Kalman filtering for
@@ -25,7 +25,6 @@ spacecraft attitude estimation, J. Guidance, Control, and Dynamics 5 (1982) 417.
 
 from __future__ import annotations
 
-from math import isfinite
 from typing import NamedTuple
 
 from ..contract.block import Mat33, Table, Vec3, Vec4
@@ -33,9 +32,7 @@ from ..maths import kalman, matrix
 from ..maths.attitude import inverse, product, propagated
 from ..maths.vector import IDENTITY, ZERO, add, cross, mat_vec, scale, sub
 from . import firing
-from .craft_filter import UNSOUND, surprise
 from .gravity_gradient import gravity_vector_torque, rotation_vector
-from .rate_filter import crossing
 
 # where each part of the state begins
 RATE = 3
@@ -229,7 +226,7 @@ def update(
     -------
     tuple
         Attitude, state, covariance; the correction of omega (rad/s, body); and the
-        largest square of an innovation over its variance (1), `UNSOUND` where the
+        largest square of an innovation over its variance (1), `kalman.UNSOUND` where the
         covariance cannot be that of anything.
     """
     state = [0.0] * STATES
@@ -245,14 +242,14 @@ def update(
     worst = _correct(state, covariance, error, gyro, setting)
     attitude = propagated(predicted, (state[0], state[1], state[2]), 1.0)
     correction = ZERO
-    if _is_sound(state, covariance):
+    if kalman.is_sound(state, covariance):
         correction = (
             state[RATE] - omega[0],
             state[RATE + 1] - omega[1],
             state[RATE + 2] - omega[2],
         )
     else:
-        worst = UNSOUND
+        worst = kalman.UNSOUND
     for i in range(3):
         state[i] = 0.0
     return attitude, tuple(state), tuple(covariance), correction, worst
@@ -312,13 +309,16 @@ def _fill_effects(
     elapsed, inverted = interval.elapsed, setting.inverse
     inertia, u = setting.inertia, interval.nadir
     momentum = add(mat_vec(inertia, omega), interval.h_before)
-    turning = crossing(omega)
-    slope = matrix.subtract(crossing(momentum), matrix.multiply(turning, inertia))
+    turning = matrix.crossing(omega)
+    slope = matrix.subtract(
+        matrix.crossing(momentum), matrix.multiply(turning, inertia)
+    )
     a = matrix.scale(elapsed, matrix.multiply(inverted, slope))
     half = matrix.scale(0.5, matrix.multiply(a, a))
     of_rate = matrix.add(matrix.add(IDENTITY, a), half)
     tilt = matrix.subtract(
-        matrix.multiply(crossing(u), inertia), crossing(mat_vec(inertia, u))
+        matrix.multiply(matrix.crossing(u), inertia),
+        matrix.crossing(mat_vec(inertia, u)),
     )
     n = interval.orbit_rate
     # a torque that lasts turns with the rate that it gives, on the average half as far
@@ -326,9 +326,9 @@ def _fill_effects(
         elapsed,
         matrix.multiply(matrix.add(IDENTITY, matrix.scale(0.5, a)), inverted),
     )
-    gravity = matrix.scale(3.0 * n * n, matrix.multiply(tilt, crossing(u)))
+    gravity = matrix.scale(3.0 * n * n, matrix.multiply(tilt, matrix.crossing(u)))
     of_attitude = matrix.multiply(impulse, gravity)
-    of_dipole = matrix.multiply(impulse, crossing(scale(-1.0, interval.field)))
+    of_dipole = matrix.multiply(impulse, matrix.crossing(scale(-1.0, interval.field)))
     _fill_rows(effects, 0, of_attitude, elapsed)
     _fill_rows(effects, RATE, of_rate, elapsed)
     _fill_rows(effects, TORQUE, impulse, elapsed)
@@ -380,15 +380,6 @@ def _correct(
                 column[i] += covariance[STATES * i + bias]
             innovation = gyro[axis - RATE] - state[axis] - state[bias]
             variance = column[axis] + column[bias] + of_gyro
-        worst = max(worst, surprise(innovation, variance))
-        kalman.correct_first(state, covariance, column, innovation, variance, STATES)
+        worst = max(worst, kalman.surprise(innovation, variance))
+        kalman.correct(state, covariance, column, innovation, variance, STATES)
     return worst
-
-
-def _is_sound(state: list[float], covariance: list[float]) -> bool:
-    """Return whether all is finite and no variance is negative."""
-    for i in range(STATES):
-        variance = covariance[(STATES + 1) * i]
-        if not (variance >= 0.0 and isfinite(variance) and isfinite(state[i])):
-            return False
-    return True

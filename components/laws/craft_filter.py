@@ -20,26 +20,25 @@ a standard deviation of zero is certain and stays as it is.
 
 Source: Jazwinski, Stochastic Processes and Filtering Theory (1970), sec. 8.4 (Schmidt's
 consider filter); Lear, Kalman Filtering Techniques, NASA JSC-20688 (1985), for
-underweighting; rate and field as in `rate_filter`.
+underweighting; rate and field as in Psiaki, Martel & Pal, Three-axis attitude
+determination via Kalman filtering of magnetometer data, J. Guidance, Control, and
+Dynamics 13 (1990) 506, without the attitude.
 """
 
 from __future__ import annotations
 
-from math import isfinite
 from typing import NamedTuple
 
 from ..contract.block import Mat33, Table, Vec3
 from ..maths import kalman, matrix
 from ..maths.vector import IDENTITY, add, cross, inverse, mat_vec, scale, sub
 from . import rate_observer
-from .rate_filter import crossing
 
 FIELD, INERTIA, COILS, COUPLING, STATES = 3, 6, 12, 15, 24  # where each part begins
 MOVING = INERTIA  # rate and field; the others are constant
 UNDERWEIGHT = 0.2  # share of the state's part of an innovation's variance (Lear)
 PRODUCTS = 0.2  # spread of a product of inertia over that of a moment
 BOUND = 4.0  # spreads from its first value at which a constant is held
-UNSOUND = 1e30  # in place of an innovation's square over its variance
 LEAST_MOMENT = 0.2  # share of its first value at which a moment is held
 _AXES: tuple[Vec3, Vec3, Vec3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
@@ -185,7 +184,7 @@ def updated(
     -------
     tuple
         State, covariance, and the largest square of an innovation over its variance (1);
-        `UNSOUND` where the covariance or the inertia cannot be that of anything.
+        `kalman.UNSOUND` where the covariance or the inertia cannot be that of anything.
     """
     state = [0.0] * STATES
     covariance = [0.0] * (STATES * STATES)
@@ -202,7 +201,7 @@ def updated(
     )
     _bound(state, setting)
     if not _is_sound(state, covariance):
-        worst = UNSOUND
+        worst = kalman.UNSOUND
     return tuple(state), tuple(covariance), worst
 
 
@@ -242,15 +241,21 @@ def _predict(
 def _fill_moving(
     effects: list[float], x: Table, wheel: Vec3, inverted: Mat33, elapsed: float
 ) -> None:
-    """Set the columns of rate and field in the transition matrix (`rate_filter`)."""
+    """Set the columns of rate and field in the transition matrix.
+
+    F_w = 1 + A T + (A T)^2 / 2 with A = J_r^-1 ([(J_r omega + w) x] - [omega x] J_r); the
+    field has [b x] T and 1 - [omega x] T.
+    """
     omega, carrier = rate_of(x), carrier_of(x)
     momentum = add(mat_vec(carrier, omega), wheel)
-    turning = crossing(omega)
-    slope = matrix.subtract(crossing(momentum), matrix.multiply(turning, carrier))
+    turning = matrix.crossing(omega)
+    slope = matrix.subtract(
+        matrix.crossing(momentum), matrix.multiply(turning, carrier)
+    )
     a = matrix.scale(elapsed, matrix.multiply(inverted, slope))
     half = matrix.scale(0.5, matrix.multiply(a, a))
     of_rate = matrix.add(matrix.add(IDENTITY, a), half)
-    down = matrix.scale(elapsed, crossing(field_of(x)))
+    down = matrix.scale(elapsed, matrix.crossing(field_of(x)))
     across = matrix.subtract(IDENTITY, matrix.scale(elapsed, turning))
     for i in range(3):
         for j in range(3):
@@ -352,8 +357,8 @@ def _correct(
             state[k] * dipole[0] + state[k + 1] * dipole[1] + state[k + 2] * dipole[2]
         )
         innovation = passed.field[axis] - expected
-        worst = max(worst, surprise(innovation, of_state + noise * noise))
-        kalman.correct_first(
+        worst = max(worst, kalman.surprise(innovation, of_state + noise * noise))
+        kalman.correct(
             state,
             covariance,
             product,
@@ -380,18 +385,9 @@ def _correct_rate(
             product[i] = covariance[STATES * i + axis]
         variance = product[axis] + noise
         innovation = passed.gyro[axis] - state[axis]
-        worst = max(worst, surprise(innovation, variance))
-        kalman.correct_first(
-            state, covariance, product, innovation, variance, estimated
-        )
+        worst = max(worst, kalman.surprise(innovation, variance))
+        kalman.correct(state, covariance, product, innovation, variance, estimated)
     return worst
-
-
-def surprise(innovation: float, variance: float) -> float:
-    """Return an innovation's square over its variance (1); UNSOUND if that is no number."""
-    if not (variance > 0.0 and isfinite(variance) and isfinite(innovation)):
-        return UNSOUND
-    return innovation * innovation / variance
 
 
 def _bound(state: list[float], setting: Setting) -> None:
@@ -412,10 +408,8 @@ def _bound(state: list[float], setting: Setting) -> None:
 
 def _is_sound(state: list[float], covariance: list[float]) -> bool:
     """Return whether all is finite, no variance negative and J_r positive definite."""
-    for i in range(STATES):
-        variance = covariance[(STATES + 1) * i]
-        if not (variance >= 0.0 and isfinite(variance) and isfinite(state[i])):
-            return False
+    if not kalman.is_sound(state, covariance):
+        return False
     a, b, c = state[INERTIA], state[INERTIA + 3], state[INERTIA + 4]
     e, f, g = state[INERTIA + 1], state[INERTIA + 5], state[INERTIA + 2]
     determinant = a * (e * g - f * f) - b * (b * g - f * c) + c * (b * f - e * c)

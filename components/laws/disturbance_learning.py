@@ -194,8 +194,11 @@ def update(
     deviations: Table,
     drift: float,
     doubted: int,
-) -> tuple[Table, Table]:
+) -> tuple[Table, Table, float]:
     """Return (x, P) after a sample at whose end H is `measured` (N m s, eci).
+
+    The third is the largest square of an innovation over its variance (1),
+    `kalman.UNSOUND` where (x, P) can be those of nothing.
 
     Parameters
     ----------
@@ -232,9 +235,11 @@ def update(
         for other in range(MOMENTUM_STATES):
             for error in errors:
                 covariance[STATES * row + other] += error[row] * error[other]
-    _correct(state, covariance, measured, noise)
+    worst = _correct(state, covariance, measured, noise)
     _constrain(state, covariance)
-    return tuple(state), tuple(covariance)
+    if not kalman.is_sound(state, covariance):
+        worst = kalman.UNSOUND
+    return tuple(state), tuple(covariance), worst
 
 
 def _constrain(x: list[float], p: list[float]) -> None:
@@ -284,9 +289,8 @@ def judge(x: Table, p: Table, doubt: Doubt, suspected: Vec4) -> Table:
             found = (intact - turned) / known - e
             for i in range(STATES):
                 column[i] = covariance[STATES * i + j]
-            kalman.correct(
-                state, covariance, column, found, variance * (1.0 + other / known)
-            )
+            total = variance * (1.0 + other / known)
+            kalman.correct(state, covariance, column, found, total, STATES)
     _constrain(state, covariance)
     return tuple(state)
 
@@ -308,36 +312,19 @@ def _predict(
     drift: float,
 ) -> None:
     """Replace (x, P) by (F x, F P F' + Q)."""
+    transition = [0.0] * (MOMENTUM_STATES * STATES)
     for i in range(MOMENTUM_STATES, STATES):
         step = drift * deviations[i]
         p[STATES * i + i] += step * step
-    moved = [0.0] * (MOMENTUM_STATES * STATES)
     for row in range(MOMENTUM_STATES):
-        for j in range(STATES):
-            moved[STATES * row + j] = _effect_on_row(p, effects, row, j)
+        transition[(STATES + 1) * row] = 1.0
         for i in range(CAUSES):
-            x[row] += effects[CAUSES * row + i] * x[MOMENTUM_STATES + i]
+            effect = effects[CAUSES * row + i]
+            transition[STATES * row + MOMENTUM_STATES + i] = effect
+            x[row] += effect * x[MOMENTUM_STATES + i]
+    kalman.predict(p, transition, MOMENTUM_STATES, STATES)
     for row in range(MOMENTUM_STATES):
-        for other in range(MOMENTUM_STATES):
-            total = moved[STATES * row + other] + moved[STATES * other + row]
-            for i in range(CAUSES):
-                cause = STATES * row + MOMENTUM_STATES + i
-                total += moved[cause] * effects[CAUSES * other + i]
-            p[STATES * row + other] += total
-        p[STATES * row + row] += walk * walk
-    for row in range(MOMENTUM_STATES):
-        for j in range(MOMENTUM_STATES, STATES):
-            p[STATES * row + j] += moved[STATES * row + j]
-            p[STATES * j + row] = p[STATES * row + j]
-
-
-def _effect_on_row(p: list[float], effects: Table, row: int, j: int) -> float:
-    """Return the element (row, j) of A times the parameters' rows of P."""
-    total = 0.0
-    for i in range(CAUSES):
-        cause = STATES * (MOMENTUM_STATES + i) + j
-        total += effects[CAUSES * row + i] * p[cause]
-    return total
+        p[(STATES + 1) * row] += walk * walk
 
 
 def innovation(x: Table, measured: Vec3, effects: Table) -> Vec3:
@@ -517,11 +504,18 @@ def unmodelled_torque(evidence: Table) -> float:
     return sqrt(max(evidence[EXCESS], evidence[RECENT]) / 3.0)
 
 
-def _correct(x: list[float], p: list[float], measured: Vec3, noise: float) -> None:
-    """Correct (x, P) by the measured H (N m s, eci), one axis after the other."""
+def _correct(x: list[float], p: list[float], measured: Vec3, noise: float) -> float:
+    """Correct (x, P) by the measured H (N m s, eci), one axis after the other.
+
+    The result is the largest square of an innovation over its variance (1).
+    """
     column = [0.0] * STATES
+    worst = 0.0
     for row in range(MOMENTUM_STATES):
         for i in range(STATES):
             column[i] = p[STATES * i + row]
         variance = p[STATES * row + row] + noise * noise
-        kalman.correct(x, p, column, measured[row] - x[row], variance)
+        found = measured[row] - x[row]
+        worst = max(worst, kalman.surprise(found, variance))
+        kalman.correct(x, p, column, found, variance, STATES)
+    return worst

@@ -122,7 +122,7 @@ def update(
             product[i] = _dot5(column, row)
         variance = _dot5(row, product) + noise * noise
         innovation = change[k] - _dot5(row, state)
-        kalman.correct(state, covariance, product, innovation, variance)
+        kalman.correct(state, covariance, product, innovation, variance, STATES)
     return tuple(state), tuple(covariance)
 
 

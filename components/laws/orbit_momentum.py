@@ -88,7 +88,7 @@ def learn_field(
             of_axis[i] = c[TERMS * axis + i]
             variance += regressor[i] * product[i]
             expected += regressor[i] * of_axis[i]
-        kalman.correct_first(
+        kalman.correct(
             of_axis, covariance, product, b[axis] - expected, variance, TERMS
         )
         for i in range(TERMS):

@@ -7,40 +7,21 @@ y = c'x + v, with v of variance R, the gain is k = P c / (c'P c + R), and
 
 Between measurements P -> F P F'. Measurements whose errors are independent may be used
 one after the other. The unit of x and y is that of the filter.
+
+A filter is lost where innovations are beyond six standard deviations for `SURPRISES`
+samples in a row, or where its covariance is that of nothing; it must then start anew.
 """
 
 from __future__ import annotations
 
+from math import isfinite
+
+SURPRISE = 36.0  # square of an innovation over its variance: six standard deviations
+SURPRISES = 5  # so many samples in a row, and the filter is lost
+UNSOUND = 1e30  # in place of such a square, where something is no number
+
 
 def correct(
-    x: list[float],
-    p: list[float],
-    product: list[float],
-    innovation: float,
-    variance: float,
-) -> None:
-    """Correct x and P in place.
-
-    Parameters
-    ----------
-    x, p : list of float
-        State (n) and covariance (n n, row-major).
-    product : list of float
-        P c (n).
-    innovation : float
-        y - c'x.
-    variance : float
-        Variance of the innovation, c'P c + R.
-    """
-    states = len(x)
-    share = innovation / variance
-    for i in range(states):
-        x[i] += product[i] * share
-        for j in range(states):
-            p[states * i + j] -= product[i] * product[j] / variance
-
-
-def correct_first(
     x: list[float],
     p: list[float],
     product: list[float],
@@ -50,7 +31,7 @@ def correct_first(
 ) -> None:
     """Correct the first states in place, and only consider the others (Schmidt).
 
-    The others keep their values and their own covariance; the covariance between them
+    The states that are considered keep their values and their own covariance; the covariance between them
     and the first ones changes as it must for this gain. P stays symmetric to the bit.
 
     Parameters
@@ -64,7 +45,7 @@ def correct_first(
     variance : float
         Variance of the innovation, c'P c + R, or more (underweighted).
     estimated : int
-        How many states are corrected; n: all, as by `correct`.
+        How many states are corrected; n: all.
     """
     states = len(x)
     share = innovation / variance
@@ -111,3 +92,30 @@ def predict(p: list[float], effects: list[float], moving: int, states: int) -> N
     for i in range(moving):
         for j in range(i + 1, states):
             p[states * j + i] = p[states * i + j]
+
+
+def surprise(innovation: float, variance: float) -> float:
+    """Return an innovation's square over its variance (1); UNSOUND if that is no number."""
+    if not (variance > 0.0 and isfinite(variance) and isfinite(innovation)):
+        return UNSOUND
+    return innovation * innovation / variance
+
+
+def is_sound(x: list[float], p: list[float]) -> bool:
+    """Return whether states and variances are finite and no variance is negative."""
+    states = len(x)
+    for i in range(states):
+        variance = p[(states + 1) * i]
+        if not (variance >= 0.0 and isfinite(variance) and isfinite(x[i])):
+            return False
+    return True
+
+
+def count_surprises(before: int, largest: float) -> int:
+    """Return how many samples in a row were surprising: `SURPRISES`, and it is lost.
+
+    before: the same at the last sample; largest: of `surprise` at this one.
+    """
+    if largest >= UNSOUND:
+        return SURPRISES
+    return before + 1 if largest > SURPRISE else 0

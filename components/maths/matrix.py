@@ -5,7 +5,12 @@ The functions know no units and no frames.
 
 from __future__ import annotations
 
-from ..contract.block import Mat33
+from ..contract.block import Mat33, Vec3
+
+
+def crossing(a: Vec3) -> Mat33:
+    """Return the skew matrix [a x]."""
+    return (0.0, -a[2], a[1], a[2], 0.0, -a[0], -a[1], a[0], 0.0)
 
 
 def multiply(p: Mat33, q: Mat33) -> Mat33:
