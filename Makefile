@@ -1,6 +1,8 @@
 # Every target makes its own .venv from pyproject.toml and constraints.txt.
 PYTHON ?= python3
 BIN := .venv/bin
+# Matrices are small: further threads of numpy only wait busily, on two cores six times as long.
+export OPENBLAS_NUM_THREADS ?= 1
 
 .PHONY: demo fmus ssp test check fuzz builds bench house witness sizing papers site release clean
 
