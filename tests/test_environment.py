@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sgp4
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -595,6 +595,23 @@ def test_igrf(date, tolerance):
         assert math.dist(geomagnetic.igrf(r, year), expected) < (
             tolerance if k > 1 else 1e-9
         )
+
+
+@given(
+    st.floats(-1.0, 1.0),
+    st.floats(-math.pi, math.pi),
+    st.floats(6.45e6, 2e7),
+    st.floats(2000.0, 2029.0),
+)
+@settings(max_examples=300)
+def test_the_earths_field_is_plausible_everywhere(sine, longitude, radius, year):
+    cosine = math.sqrt(1.0 - sine * sine)
+    x, y = cosine * math.cos(longitude), cosine * math.sin(longitude)
+    b = math.hypot(*geomagnetic.igrf((radius * x, radius * y, radius * sine), year))
+    moment = 29.7e-6 * geomagnetic.REFERENCE_RADIUS**3
+    assert geomagnetic.is_plausible(b, moment, radius)
+    assert not geomagnetic.is_plausible(4.5 * b, moment, radius)
+    assert not geomagnetic.is_plausible(0.2 * b, moment, radius)
 
 
 def test_igrf_at_the_poles_themselves():

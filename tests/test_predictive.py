@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.optimize import linprog, minimize
+from scipy.spatial.transform import Rotation
 
 from desat.components.blocks.manager_predictive import ManagerPredictive
 from desat.components.contract.block import BlockError
@@ -453,9 +454,46 @@ def test_a_day_is_held_low_and_a_strange_field_falls_back(tmp_path: Path) -> Non
     axes = np.reshape(run.manifest.values_of("wheels")["axes_wheel"], (3, 4))
     together = run.results.values("wheels.h_wheel") @ axes.T
     assert np.linalg.norm(together[-600:], axis=1).max() < 0.005
-    wrong = Options(stop=600.0, values={"magnetometer.bias_body": (3e-5, 0.0, 0.0)})
+    turned = Rotation.from_rotvec([0.8, 0.6, 0.4]).as_matrix() - np.eye(3)
+    errors = {"magnetometer.response_error": turned.ravel().tolist()}
+    wrong = Options(stop=600.0, values=errors)
     off = execute("nadir_day/laws-predictive-igrf", wrong, tmp_path / "off")
     assert set(off.results.values("manager.mode")[:-1].tolist()) == {3}
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"magnetometer.coil_coupling": np.diag([5e-6] * 3).ravel().tolist()},
+        {"magnetometer.response_error": np.diag([-1.0] * 3).ravel().tolist()},
+        {"magnetometer.full_scale": 5e-6},
+        {"magnetometer.bias_body": (1e-4, 0.0, 0.0)},
+    ],
+    ids=["coils near it", "nothing", "at its limit", "far off"],
+)
+def test_a_field_that_is_not_the_earths_is_replaced_by_the_model(
+    values: dict[str, object], tmp_path: Path
+) -> None:
+    """Wheels are emptied as with a magnetometer that is right."""
+    right = execute("uosat12/predictive-nominal", Options(), tmp_path / "right")
+    assert not right.results.values("manager.field_rejected").any()
+    wrong = execute(
+        "uosat12/predictive-nominal", Options(values=values), tmp_path / "w"
+    )
+    assert wrong.results.values("manager.field_rejected").any()
+    numbers, least = wrong.manifest.numbers, right.manifest.numbers["firing_time"].value
+    assert numbers["final_momentum"].value < 0.01
+    assert numbers["firing_time"].value < 1.02 * least
+
+
+def test_a_model_that_is_not_the_earths_replaces_nothing(tmp_path: Path) -> None:
+    """The amplitudes of the on-board dipole are four times too large."""
+    values = {"manager.b_amplitude": (9.2e-5, 9.6e-6, 1.84e-4)}
+    run = execute(
+        "uosat12/predictive-nominal", Options(values=values), tmp_path / "run"
+    )
+    assert not run.results.values("manager.field_rejected").any()
+    assert (run.results.values("manager.mode")[1:30] == 3).all()
 
 
 def test_a_thruster_is_known_until_it_is_doubted() -> None:

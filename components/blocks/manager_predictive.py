@@ -23,6 +23,7 @@ from ..laws.momentum_management import reduced, without
 from ..maths import kalman
 from ..maths.attitude import inverse, normalised, product, rotate, rotate_back
 from ..maths.vector import ZERO, add, cross, dot, mat_vec, norm, scale, sub
+from ..physics import geomagnetic
 from ..physics.orbit import (
     elements_from_state,
     ellipse_state,
@@ -74,6 +75,9 @@ BINS = 8  # parts of an orbit whose largest wheel momenta are stored
 # field is as small as its noise.
 FIELD_MISMATCH = 0.3
 FIELD_DEVIATIONS = 5.0
+# Relative error of the measured field's size beyond which it is not the Earth's, as where
+# a strong coil is near the magnetometer.
+WRONG_SIZE = 0.5
 # Goal empty: weight of `field_noise` in measurements against the noise that is seen, and
 # least number of measurements from which an error of the attitude is corrected.
 NOISE_WEIGHT = 0.3
@@ -144,8 +148,11 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
     attitude. The noise of the field begins at `field_noise` and follows from the
     measurements.
 
-    Where the measured field differs from the model by more than 0.3 of it and five
-    deviations `field_noise`, or a plan to hold has not converged after 30 steps, `mode`
+    Where the size of the measured field differs from the model by more than half, and
+    the model is as strong as the Earth's field can be there, the model is used in its
+    place (`field_rejected`): coils near the magnetometer, or a sensor at its limit.
+    Where it differs otherwise by more than 0.3 of the model and five deviations
+    `field_noise`, or a plan to hold has not converged after 30 steps, `mode`
     is fallback: M = n (h x B) / |B|^2, the cross-product law, until the next plan. If
     the optimiser of a plan to empty has not converged after four stages of 80 trials,
     the iterate that ends nearest is flown. Without a valid field there is no dipole;
@@ -331,6 +338,11 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         "N.m", "the constant torque that is seen, eci", interval=True
     )
     plan_steps: int = Output("1", "Newton steps of the last plan", interval=True)
+    field_rejected: bool = Output(
+        "1",
+        "the measured field is not the Earth's, and the model is used",
+        interval=True,
+    )
     filter_restarts: int = Output(
         "1", "how often the filter was lost and started anew", interval=True
     )
@@ -346,13 +358,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         self._inertia: Mat33 = tuple(self.inertia_scale * x for x in self.inertia)  # type: ignore[assignment]
         self._q_bo = normalised(self.q_bo)
         self.start_field(igrf=self.field_model == IGRF)
-        self._x = self._seen = learning.first_state(ZERO)
-        self._p = (0.0,) * (learning.STATES * learning.STATES)
-        self._deviations = (0.0,) * learning.STATES
-        self._evidence = (0.0,) * learning.EVIDENCE
-        self._surprises = self.filter_restarts = 0
-        self._suspected: Vec4 = (0.0, 0.0, 0.0, 0.0)
-        self._known = -1.0
+        self._start_learning()
         self._b_eci = self._gravity = self._dipole_planned = ZERO
         self._coils: Vec4 = (0.0, 0.0, 0.0, 0.0)
         self._thrust = ZERO
@@ -376,6 +382,17 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         self.gravity_scale = 1.0
         self.torque_eci = ZERO
         self.plan_steps = 0
+
+    def _start_learning(self) -> None:
+        """Begin with nothing known; the first sample gives momentum and deviations."""
+        self._x = self._seen = learning.first_state(ZERO)
+        self._p = (0.0,) * (learning.STATES * learning.STATES)
+        self._deviations = (0.0,) * learning.STATES
+        self._evidence = (0.0,) * learning.EVIDENCE
+        self._surprises = self.filter_restarts = 0
+        self._suspected: Vec4 = (0.0, 0.0, 0.0, 0.0)
+        self._known = -1.0
+        self._sees_field = self.field_rejected = False
 
     def _start_correction(self) -> None:
         """Begin with an attitude that counts as right."""
@@ -495,19 +512,21 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             return nothing
         lvlh = lvlh_attitude(self.r_eci, self.v_eci)
         q = product(self._q_bo, lvlh) if assumed else self.q_bi
-        q = self._corrected(t, q)
+        model = self._field(self.r_eci, self.v_eci, t)
+        self._judge_field(model)
+        q = self._corrected(q, model)
         size2 = dot(self.r_eci, self.r_eci)
         turn = scale(1.0 / size2, cross(self.r_eci, self.v_eci))
         orbital = rotate(q, turn)
         rate = orbital if assumed else self.rate()
         self._observe(
-            t, q, add(add(h, self.h_target_body), mat_vec(self._inertia, rate))
+            t, q, add(add(h, self.h_target_body), mat_vec(self._inertia, rate)), model
         )
-        model = self._field(self.r_eci, self.v_eci, t)
-        b = rotate_back(q, self.b_body) if self.valid_b else model
+        b = self._seen_field(q, model)
         mismatch = FIELD_MISMATCH * norm(model) + FIELD_DEVIATIONS * self.field_noise
         strange = norm(sub(b, model)) > mismatch
-        self._weigh(b, model)
+        if self._sees_field:
+            self._weigh(b, model)
         model = scale(self._field_scale, model)
         self._remember(t, h)
         # whether the attitude is fixed to lvlh, or else to eci, but for a slew
@@ -521,30 +540,59 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             q, gravity_gradient(rotate(q, self.r_eci), self._inertia)
         )
         mean = rotate(q, add(b, sub(self._field_amid_sample(t), model)))
-        m, n_t = ZERO, self._thrust
         if self._failed or strange:
-            self.mode = FALLBACK
-            m = cross_product.normalised(h, mean, norm(turn)) if self.valid_b else ZERO
-        elif self.valid_b:
-            self.mode = DUMPING
-            m = self._dipole(mean, rotate(q, self._costate))
+            fallback = cross_product.normalised(h, mean, norm(turn))
+            m = self._chosen_dipole(FALLBACK, fallback)
         else:
-            self.mode = FALLBACK if norm(n_t) > 0.0 else IDLE
-        m = reduced(m, to_wheels(self._to_coils, m), self.m_limit)
+            planned = self._dipole(mean, rotate(q, self._costate))
+            m = self._chosen_dipole(DUMPING, planned)
         self._coils = to_wheels(self._to_coils, m)
         dipole = self._effective_dipole(self._coils)
-        return add(cross(dipole, mean), self._effective_thrust()), (m, n_t)
+        return add(cross(dipole, mean), self._effective_thrust()), (m, self._thrust)
 
-    def _corrected(self, t: float, q: Vec4) -> Vec4:
+    def _chosen_dipole(self, mode: int, m: Vec3) -> Vec3:
+        """Return a dipole m (A m2, body) within the coils' limits, and show its mode.
+
+        Without a valid field it is zero.
+        """
+        if not self.valid_b:
+            self.mode = FALLBACK if norm(self._thrust) > 0.0 else IDLE
+            return ZERO
+        self.mode = mode
+        return reduced(m, to_wheels(self._to_coils, m), self.m_limit)
+
+    def _judge_field(self, model: Vec3) -> None:
+        """Reject a measured field whose size is not the Earth's. model: its field (T)."""
+        size = self._field_scale * norm(model)
+        most = WRONG_SIZE * size + FIELD_DEVIATIONS * self.field_noise
+        self.field_rejected = (
+            self.valid_b
+            and abs(norm(self.b_body) - size) > most
+            and geomagnetic.is_plausible(
+                size, norm(self.dipole_earth), norm(self.r_eci)
+            )
+        )
+        self._sees_field = self.valid_b and not self.field_rejected
+
+    def _seen_field(self, q: Vec4, model: Vec3) -> Vec3:
+        """Return the measured field, or the scaled model where it is none (T, eci).
+
+        q: attitude; model: its field (T, eci).
+        """
+        if self._sees_field:
+            return rotate_back(q, self.b_body)
+        return scale(self._field_scale, model)
+
+    def _corrected(self, q: Vec4, model: Vec3) -> Vec4:
         """Return the attitude q corrected by its constant error, where significant.
 
-        Learn the error from the field measured at t (s), goal empty only. What is
-        stored of the last sample (eci) is corrected by the change of the error.
+        Learn the error from the measured field, goal empty only; model: its field (T,
+        eci). What is stored of the last sample (eci) is corrected by the change of the
+        error.
         """
         if self.goal != EMPTY or self.field_spread <= 0.0:
             return q
-        if self.valid_b:
-            model = rotate(q, self._field(self.r_eci, self.v_eci, t))
+        if self._sees_field:
             size = max(norm(self.b_body), 1e-12)
             # directions, so that a model whose field is too large has no effect
             self._error, self._error_p, ratio = attitude_error.update(
@@ -553,7 +601,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
                 scale(1.0 / size, self.b_body),
                 rotate(
                     attitude_error.rotation(self._error),
-                    scale(1.0 / max(norm(model), 1e-12), model),
+                    scale(1.0 / max(norm(model), 1e-12), rotate(q, model)),
                 ),
                 self._field_variance / (size * size),
                 attitude_error.ANGLES,
@@ -647,10 +695,10 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         e, f, g, i = self.effectiveness
         return body_momentum(self._live, (e * a, f * b, g * c, i * d))
 
-    def _observe(self, t: float, q: Vec4, total: Vec3) -> None:
+    def _observe(self, t: float, q: Vec4, total: Vec3, model: Vec3) -> None:
         """Learn from the change of the craft's momentum since the last sample.
 
-        total (N m s, body) is the momentum of the craft.
+        total (N m s, body): momentum of the craft; model: its field (T, eci).
         """
         h = rotate_back(q, total)
         n, _ = self._motion()
@@ -674,8 +722,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         if self._known < 0.0 or passed > 10.0 * self.sample_time or not self.valid_b:
             self._restart(h, noise)
         else:
-            b = rotate_back(q, self.b_body)
-            causes = self._causes(passed, q, b)
+            causes = self._causes(passed, q, self._seen_field(q, model))
             tested = self._limit_thrust(passed, q, h, causes, noise)
             self._learn(passed, h, causes, noise, gravity_torque, tested)
         self._known = t

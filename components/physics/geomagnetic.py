@@ -13,6 +13,7 @@ from ..contract.block import Vec3
 from . import igrf14
 
 REFERENCE_RADIUS = 6371200.0  # m, of the Gauss coefficients
+LEAST_SHARE, MOST_SHARE = 0.6, 2.5  # of the dipole's field at its equator (1)
 
 _Row = tuple[float, float, float, float, float, float, float]
 # Terms that `field` sums: for each order m the rows of its degrees, as `harmonics`
@@ -33,6 +34,17 @@ def dipole(r: Vec3, moment: Vec3) -> Vec3:
     cube = 1.0 / (size2 * sqrt(size2))
     k = 3.0 * cube * (mx * x + my * y + mz * z) / size2
     return (k * x - cube * mx, k * y - cube * my, k * z - cube * mz)
+
+
+def is_plausible(b: float, moment: float, radius: float) -> bool:
+    """Return whether a field of the size b (T) may be the Earth's at a radius (m).
+
+    It is from 0.6 to 2.5 times that of a dipole (moment, T m3) at its equator: of IGRF-14
+    at the surface from 0.74 times, in the South Atlantic, to 2.25 times, near the south
+    magnetic pole.
+    """
+    share = b * radius * radius * radius / moment
+    return LEAST_SHARE < share < MOST_SHARE
 
 
 # Factors from Schmidt's normalisation to none, of degree n and order m.
