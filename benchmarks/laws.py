@@ -97,15 +97,15 @@ def _rows() -> tuple[Row, ...]:
         )
     )
     emptied = {
-        "nominal": ("nominal", 0.10),
-        "dead_known": ("y coil dead, known", 0.10),
-        "field_weak": ("field 10 % weaker", 0.10),
-        "field_strong": ("field 10 % stronger", 0.10),
+        "nominal": ("nominal", 0.2),
+        "dead_known": ("y coil dead, known", 0.2),
+        "field_weak": ("field 10 % weaker", 0.2),
+        "field_strong": ("field 10 % stronger", 0.2),
         "noise": ("1 uT of noise", 0.5),
         "roll": ("attitude 5 deg off in roll", 0.6),
         "yaw": ("attitude 5 deg off in yaw", 0.6),
         "yaw_10": ("attitude 10 deg off in yaw", None),
-        "dead_unknown": ("y coil dead, unknown", None),
+        "dead_unknown": ("y coil dead, unknown", 0.4),
         "thrusters_0_7": ("thrusters of 0.7", None),
     }
     for case, (label, aim) in emptied.items():
@@ -390,6 +390,15 @@ def page(stored_values: dict[str, Any]) -> str:
     return text
 
 
+def store(saved: dict[str, Any]) -> None:
+    """Write what is stored, a scenario and seed in each line."""
+    rows = (
+        f"{json.dumps(key)}: {json.dumps(saved[key], sort_keys=True)}"
+        for key in sorted(saved)
+    )
+    STORE.write_text("{\n" + ",\n".join(rows) + "\n}\n")
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("families", nargs="*")
@@ -403,7 +412,7 @@ def main() -> int:
     saved: dict[str, Any] = json.loads(STORE.read_text()) if STORE.exists() else {}
     if arguments.cost:
         saved["cost"] = cost()
-        STORE.write_text(json.dumps(saved, indent=1, sort_keys=True) + "\n")
+        store(saved)
     elif not arguments.page:
         rows = tuple(
             r
@@ -422,7 +431,7 @@ def main() -> int:
                     {n: d[n] for n in sorted(numbers) if n in d} for d in draws
                 ],
             }
-            STORE.write_text(json.dumps(saved, indent=1, sort_keys=True) + "\n")
+            store(saved)
     (DOCS / "laws-measured.md").write_text(page(saved))
     return 0
 
