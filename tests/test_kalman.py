@@ -86,7 +86,7 @@ def test_a_covariance_whose_first_states_move_is_f_p_f(
     transition = np.eye(states)
     transition[:moving] = generator.normal(size=(moving, states))
     p = covariance.ravel().tolist()
-    kalman.predict(p, transition[:moving].ravel().tolist(), moving, states)
+    kalman.predict([0.0] * states, p, transition[:moving].ravel().tolist())
     after = np.reshape(p, (states, states))
     np.testing.assert_allclose(
         after, transition @ covariance @ transition.T, rtol=1e-9, atol=1e-10

@@ -283,7 +283,7 @@ def _predict(
     )
     effects = [0.0] * (MOVING * STATES)
     _fill_effects(effects, rate_of(x), interval, setting)
-    kalman.predict(covariance, effects, MOVING, STATES)
+    kalman.predict(state, covariance, effects)
     for i in range(3):
         state[RATE + i] = omega[i]
     _add_noise(covariance, interval, setting)

@@ -230,7 +230,7 @@ def _predict(
     )
     _fill_moving(effects, x, passed.wheel, inverted, elapsed)
     _fill_constants(effects, x, omega, dipole, inverted, elapsed)
-    kalman.predict(covariance, effects, MOVING, STATES)
+    kalman.predict(state, covariance, effects)
     for i in range(3):
         state[i], state[FIELD + i] = omega[i], b[i]
         of_rate, of_field = (STATES + 1) * i, (STATES + 1) * (FIELD + i)

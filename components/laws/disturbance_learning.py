@@ -322,7 +322,7 @@ def _predict(
             effect = effects[CAUSES * row + i]
             transition[STATES * row + MOMENTUM_STATES + i] = effect
             x[row] += effect * x[MOMENTUM_STATES + i]
-    kalman.predict(p, transition, MOMENTUM_STATES, STATES)
+    kalman.predict(x, p, transition)
     for row in range(MOMENTUM_STATES):
         p[(STATES + 1) * row] += walk * walk
 

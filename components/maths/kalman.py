@@ -49,28 +49,30 @@ def correct(
     """
     states = len(x)
     share = innovation / variance
-    for i in range(estimated):
-        x[i] += product[i] * share
-        for j in range(i, states):
-            p[states * i + j] -= product[i] * product[j] / variance
-            p[states * j + i] = p[states * i + j]
+    for i in range(states):
+        is_estimated = i < estimated
+        if is_estimated:
+            x[i] += product[i] * share
+        # both halves: as loops of known length they need no checks in C
+        for j in range(states):
+            if is_estimated or j < estimated:
+                p[states * i + j] -= product[i] * product[j] / variance
 
 
-def predict(p: list[float], effects: list[float], moving: int, states: int) -> None:
-    """Replace P by F P F' in place, where only the first states move.
+def predict(x: list[float], p: list[float], effects: list[float]) -> None:
+    """Replace P by F P F' in place, where only the first states move, at most 6.
 
     Parameters
     ----------
-    p : list of float
-        Covariance (n n, row-major), symmetric, which it stays to the bit.
+    x, p : list of float
+        State (n), which stays, and covariance (n n, row-major), symmetric, which it stays
+        to the bit.
     effects : list of float
         The first rows of F (moving n, row-major); the others are those of the identity.
-    moving : int
-        How many states move, at most 6.
-    states : int
-        n.
     """
     column = [0.0] * 6
+    states = len(x)
+    moving = len(effects) // states
     # F P first, column by column; the rows of constants do not change
     for j in range(states):
         for i in range(moving):
