@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 from rich.progress import track
 
 from desat.analyses import flight as flights
+from desat.analyses.management import is_braking
 from desat.begin import craft as new_craft
 from desat.begin.body import CUBESATS
 from desat.begin.facts import CraftFacts
@@ -464,9 +465,12 @@ def secular_of(craft: Craft) -> tuple[Array, float]:
 
 
 def chosen() -> Iterator[ranking.Ranking]:
-    """The papers' crafts, each flown with every law that fits it."""
+    """The papers' crafts whose law holds their wheels, each flown with every law that
+    fits it."""
     for name, stop, *_ in track(PAPERS, "papers' crafts, law by law"):
-        yield ranking.choose(name, Options(stop=stop), (), [ALL])
+        system, _ = prepare(name, Options(stop=stop)).or_raise()
+        if not is_braking(system.roles["manager"]):
+            yield ranking.choose(name, Options(stop=stop), (), [ALL])
 
 
 def papers() -> Iterator[tuple[tuple[Any, ...], Sizing]]:
@@ -896,15 +900,15 @@ What `size` says beside what the paper chose.
 _LAWS = """## The papers' crafts, law by law
 
 `desat compare CRAFT --laws all`: each flown with every law of ours that fits it, gains by rule.
+HAUSAT-2 is not among them: its law starts the craft up, and the laws to compare hold wheels.
 """
 _CHOSEN = {
     "uosat12": "The paper dumps within 600 s, which takes thrusters; over a day coils alone hold "
     "the momentum, too, without propellant.",
     "space_telescope": "The paper's open-loop and mixed-mode laws need tables from the ground.",
     "alsat1": "One wheel about pitch and a boom: momentum and attitude are one law.",
-    "hausat2": "One wheel about pitch: its start-up is the law.",
-    "integrated": "The fill is that of the start; `integrated` also gives part of the control "
-    "torque by coils, which costs pointing here.",
+    "integrated": "`integrated` also gives part of the control torque by coils, which costs "
+    "pointing here.",
 }
 _OTHERS = """## Against others
 
