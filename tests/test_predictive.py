@@ -496,6 +496,24 @@ def test_a_model_that_is_not_the_earths_replaces_nothing(tmp_path: Path) -> None
     assert (run.results.values("manager.mode")[1:30] == 3).all()
 
 
+def test_a_lost_filter_starts_anew_and_says_so() -> None:
+    """A covariance that is that of nothing; the next sample finds a sound one."""
+    block = ManagerPredictive()
+    block.sample_time = 10.0
+    block.r_eci, block.v_eci = (6.9e6, 0.0, 0.0), (0.0, 5.0e3, 5.6e3)
+    block.start()
+    counts = []
+    for k in range(4):
+        block.b_body = block.field_eci(block.r_eci, 10.0 * k, igrf=False)
+        if k == 2:
+            block._p = (-1.0,) * len(block._p)
+        block.compute(10.0 * k, 10.0)
+        counts.append(block.filter_restarts)
+    assert counts == [0, 0, 1, 1]
+    variances = np.diag(np.reshape(block._p, (learning.STATES, -1)))
+    assert (variances > 0.0).all()
+
+
 def test_a_thruster_is_known_until_it_is_doubted() -> None:
     """A thruster axis that gives half is found, although it is known to 1 % at first."""
     spreads = learning.spreads(1e-6, 0.0, 0.1, 1e-4)

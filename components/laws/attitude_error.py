@@ -26,6 +26,7 @@ from math import exp
 from ..contract.block import Table, Vec3, Vec4
 from ..maths import kalman
 from ..maths.attitude import IDENTITY_Q, propagated
+from ..maths.matrix import crossing
 from ..maths.vector import dot, mat_vec, sub
 from .predictive import inverse_of_lower, root
 
@@ -89,8 +90,7 @@ def update(
     found = sub(measured, expected)
     # the derivative by theta, taken at the measured field, as an expected one that moves
     # with the estimate would seem to show the third axis
-    bx, by, bz = measured
-    slopes = (0.0, -bz, by, bz, 0.0, -bx, -by, bx, 0.0)
+    slopes = crossing(measured)
     product = [0.0] * STATES
     squares = 0.0
     for row in range(3):

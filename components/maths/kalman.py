@@ -65,8 +65,8 @@ def predict(x: list[float], p: list[float], effects: list[float]) -> None:
     Parameters
     ----------
     x, p : list of float
-        State (n), which stays, and covariance (n n, row-major), symmetric, which it stays
-        to the bit.
+        State, which gives n and stays, and covariance (n n, row-major), symmetric, which
+        it stays to the bit.
     effects : list of float
         The first rows of F (moving n, row-major); the others are those of the identity.
     """
