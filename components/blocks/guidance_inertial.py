@@ -1,12 +1,13 @@
 from __future__ import annotations
 
-from ..contract.block import Parameter, Vec4
-from ..contract.roles import UPRIGHT, Guidance
+from ..bases.pointing import PointingLaw
+from ..contract.block import Parameter, Vec3, Vec4
+from ..contract.roles import UPRIGHT
 from ..maths.attitude import normalised
 from ..maths.vector import ZERO
 
 
-class GuidanceInertial(Guidance):
+class GuidanceInertial(PointingLaw):
     """Inertial pointing
 
         q_ref_bi = q_target_bi,     omega_ref_body = 0
@@ -22,4 +23,9 @@ class GuidanceInertial(Guidance):
         super().start()
         if not any(self.q_target_bi):
             self.fail("q_target_bi is zero; it must be a quaternion")
-        self.q_ref_bi, self.omega_ref_body = normalised(self.q_target_bi), ZERO
+        self._target = self.q_ref_bi = normalised(self.q_target_bi)
+        self.start_reference()
+
+    def point(self, t: float) -> tuple[Vec4, Vec3]:
+        """Return the target, and no rate (rad/s)."""
+        return self._target, ZERO

@@ -1,13 +1,14 @@
 from __future__ import annotations
 
-from ..contract.block import Parameter, Vec4
-from ..contract.roles import UPRIGHT, Guidance
-from ..maths.attitude import nearest, normalised, product, rotate
+from ..bases.pointing import PointingLaw
+from ..contract.block import Parameter, Vec3, Vec4
+from ..contract.roles import UPRIGHT
+from ..maths.attitude import normalised, product, rotate
 from ..maths.vector import cross, dot, norm, scale
 from ..physics.orbit import lvlh_attitude
 
 
-class GuidanceNadir(Guidance):
+class GuidanceNadir(PointingLaw):
     """Nadir pointing
 
         q_ref_bi = q_bo (x) q_oi(r, v)
@@ -35,16 +36,12 @@ class GuidanceNadir(Guidance):
             self.fail("q_bo is zero; it must be a quaternion")
         self._q_bo = normalised(self.q_bo)
         self._axis = rotate(self._q_bo, (0.0, -1.0, 0.0))
-        self.q_ref_bi = UPRIGHT
-        self._point()
+        self.start_reference()
 
-    def advance(self, t: float, dt: float) -> None:
-        if self.due(t):
-            self._point()
-
-    def _point(self) -> None:
-        """Set the reference attitude and rate from position and velocity."""
+    def point(self, t: float) -> tuple[Vec4, Vec3]:
+        """Compute the wanted attitude and rate (rad/s) from position and velocity."""
         r, v = self.r_eci, self.v_eci
-        # lvlh_attitude returns a scalar >= 0, so the sign may jump
-        self.q_ref_bi = nearest(product(self._q_bo, lvlh_attitude(r, v)), self.q_ref_bi)
-        self.omega_ref_body = scale(norm(cross(r, v)) / dot(r, r), self._axis)
+        return (
+            product(self._q_bo, lvlh_attitude(r, v)),
+            scale(norm(cross(r, v)) / dot(r, r), self._axis),
+        )

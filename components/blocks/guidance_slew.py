@@ -1,13 +1,14 @@
 from __future__ import annotations
 
 from ..bases.known_slew import Slew
-from ..contract.roles import Guidance
+from ..bases.pointing import PointingLaw
+from ..contract.block import Vec3, Vec4
 from ..laws.attitude_control import rest_to_rest
 from ..maths.attitude import propagated
 from ..maths.vector import scale
 
 
-class GuidanceSlew(Guidance, Slew):
+class GuidanceSlew(PointingLaw, Slew):
     """Tracked slew about the eigenaxis, rest to rest
 
         s = 10 u^3 - 15 u^4 + 6 u^5,        u = (t - t_begin) / (t_end - t_begin) in [0, 1]
@@ -26,15 +27,14 @@ class GuidanceSlew(Guidance, Slew):
     def start(self) -> None:
         super().start()
         self.start_slew()
-        self._point(0.0)
+        self.q_ref_bi = self._q_begin
+        self.start_reference()
 
-    def advance(self, t: float, dt: float) -> None:
-        if self.due(t):
-            self._point(t)
-
-    def _point(self, t: float) -> None:
-        """Set the reference attitude and rate at t (s)."""
+    def point(self, t: float) -> tuple[Vec4, Vec3]:
+        """Compute the wanted attitude and rate (rad/s) at t (s)."""
         duration = self.t_end - self.t_begin
         s, rate = rest_to_rest((t - self.t_begin) / duration)
-        self.q_ref_bi = propagated(self._q_begin, self._rotation, s)
-        self.omega_ref_body = scale(rate / duration, self._rotation)
+        return (
+            propagated(self._q_begin, self._rotation, s),
+            scale(rate / duration, self._rotation),
+        )

@@ -1,15 +1,15 @@
 from __future__ import annotations
 
-from ..contract.block import Parameter, Vec3
-from ..contract.roles import UPRIGHT, Guidance
-from ..maths.attitude import from_axes, inverse, nearest, product, rotate
-from ..maths.vector import ZERO, cross, norm, scale, unit
+from ..bases.pointing import PointingLaw
+from ..contract.block import Parameter, Vec3, Vec4
+from ..maths.attitude import from_axes, inverse, product, rotate
+from ..maths.vector import cross, norm, scale, unit
 from ..physics.earth import ECLIPTIC_NORTH
 
 PARALLEL = 1e-3
 
 
-class GuidanceSun(Guidance):
+class GuidanceSun(PointingLaw):
     """Sun pointing
 
         C(q_ref_bi) s = `axis_body`,     omega_ref_body = `sun_rate` C(q_ref_bi) n
@@ -56,22 +56,13 @@ class GuidanceSun(Guidance):
                 "second_body is zero or along axis_body; a direction across it is needed"
             )
         self._to_body = inverse(from_axes(axis, unit(across)))
-        self.q_ref_bi, self.omega_ref_body = UPRIGHT, ZERO
-        self._point()
+        self.start_reference()
 
-    def advance(self, t: float, dt: float) -> None:
-        if self.due(t):
-            self._point()
-
-    def _point(self) -> None:
-        """Set the reference attitude and rate from the direction to the Sun."""
+    def point(self, t: float) -> tuple[Vec4, Vec3]:
+        """Compute the wanted attitude and rate (rad/s) from the direction to the Sun."""
         if norm(self.sun_eci) == 0.0:
             self.fail("sun_eci is zero: no Sun is modelled")
         sun = unit(self.sun_eci)
         north = unit(cross(cross(sun, ECLIPTIC_NORTH), sun))
-        self.q_ref_bi = nearest(
-            product(self._to_body, from_axes(sun, north)), self.q_ref_bi
-        )
-        self.omega_ref_body = scale(
-            self.sun_rate, rotate(self.q_ref_bi, ECLIPTIC_NORTH)
-        )
+        q = product(self._to_body, from_axes(sun, north))
+        return q, scale(self.sun_rate, rotate(q, ECLIPTIC_NORTH))

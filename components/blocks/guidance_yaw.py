@@ -2,14 +2,15 @@ from __future__ import annotations
 
 from math import atan2, cos, remainder, sin, sqrt, tau
 
-from ..contract.block import Parameter, Vec4
-from ..contract.roles import UPRIGHT, Guidance
-from ..maths.attitude import nearest, normalised, product, rotate
-from ..maths.vector import ZERO, cross, dot, norm
+from ..bases.pointing import PointingLaw
+from ..contract.block import Parameter, Vec3, Vec4
+from ..contract.roles import UPRIGHT
+from ..maths.attitude import normalised, product, rotate
+from ..maths.vector import cross, dot, norm
 from ..physics.orbit import lvlh_attitude
 
 
-class GuidanceYaw(Guidance):
+class GuidanceYaw(PointingLaw):
     """Yaw steering: nadir pointing, turned about nadir so that a panel's axis is across
     the Sun
 
@@ -24,7 +25,7 @@ class GuidanceYaw(Guidance):
     Where the Sun is near the orbital plane, psi changes by up to half a turn at noon
     and midnight. The reference follows with rates up to `rate_limit` and accelerations
     up to `acceleration_limit`. While it lags psi by b, its rate is psi' +
-    sqrt(acceleration_limit |b|) towards psi, or psi' + b / (10 samples) where that is
+    sqrt(acceleration_limit |b|) towards psi, or psi' + b / (10 steps) where that is
     less.
 
     Source: geometry; the convention is that of GPS block II (Bar-Sever, J. Geodesy 70
@@ -53,18 +54,13 @@ class GuidanceYaw(Guidance):
         if not any(self.q_bf):
             self.fail("q_bf is zero; it must be a quaternion")
         self._q_bf = normalised(self.q_bf)
-        self.q_ref_bi, self.omega_ref_body = UPRIGHT, ZERO
         self._last = 0.0
         self._yaw = self._rate = 0.0
         self._begun = False
-        self._point(0.0)
+        self.start_reference()
 
-    def advance(self, t: float, dt: float) -> None:
-        if self.due(t):
-            self._point(t)
-
-    def _point(self, t: float) -> None:
-        """Set the reference attitude and rate at t (s).
+    def point(self, t: float) -> tuple[Vec4, Vec3]:
+        """Compute the wanted attitude and rate (rad/s) at t (s).
 
         The yaw follows within its limits of rate and acceleration.
         """
@@ -93,10 +89,12 @@ class GuidanceYaw(Guidance):
         self._last = t
         half = 0.5 * self._yaw
         turned = product((0.0, 0.0, sin(half), cos(half)), lvlh)
-        self.q_ref_bi = nearest(product(self._q_bf, turned), self.q_ref_bi)
         # the orbital rate points along minus y of lvlh
         c, s = cos(self._yaw), sin(self._yaw)
-        self.omega_ref_body = rotate(self._q_bf, (-rate * s, -rate * c, self._rate))
+        return (
+            product(self._q_bf, turned),
+            rotate(self._q_bf, (-rate * s, -rate * c, self._rate)),
+        )
 
     def _within(self, x: float, most: float) -> float:
         """Limit x to +-most."""

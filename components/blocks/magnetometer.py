@@ -19,9 +19,9 @@ class Magnetometer(Role, Sensor):
     name and sample index.
 
     K m_body is the field of the torquers' dipole at the magnetometer at the time of the
-    sample. Switching the coils off during a measurement (paper 004) avoids it. For a
-    dipole far from its coil, r (m) from it in the direction u, K = mu_0 / (4 pi r^3) (3
-    u u' - 1).
+    sample. Coils that are switched off before each sample (paper 004; `quiet_time` of
+    the torquers) leave exp(-quiet_time / lag) of it. For a dipole far from its coil, r
+    (m) from it in the direction u, K = mu_0 / (4 pi r^3) (3 u u' - 1).
 
     E holds scale-factor errors on its diagonal; a sensor turned by the small vector a
     reads b - a x b, the antisymmetric E = -[a x]; axes that are not orthogonal are its

@@ -25,14 +25,14 @@ class Torquers(Role):
     - `pulsed`: +-m_limit for n pulses of `least_pulse` in each `sample_time`, n rounded to the
       nearest and at most `duty_max` of the period (paper 000, Table 3).
 
-    All coils are off for `quiet_time` from each sample on, so that a magnetometer that
-    samples with the same period is not disturbed; pulses begin `pulse_delay` after
-    that. A coil follows with the time constant `lag`,
+    All coils are off for `quiet_time` before each sample, so that a magnetometer that
+    samples at the same times measures exp(-quiet_time / lag) of their dipole; pulses
+    begin `pulse_delay` after the sample. A coil follows with the time constant `lag`,
 
         m_i' = (u_i - m_i) / lag,        m_body = A m,
 
-    through edges that may fall anywhere inside a step; its decaying dipole then extends
-    into the quiet time. Mean, slope and energies over the step are exact:
+    through edges that may fall anywhere inside a step. Mean, slope and energies over
+    the step are exact:
 
         dipole_energy   = sum_i 1/2 int m_i^2 dt            (paper 000, eq. 32)
         electric_energy = sum_i int resistance (m_i / area_turns)^2 dt
@@ -69,7 +69,7 @@ class Torquers(Role):
     )
     quiet_time: float = Parameter(
         "s",
-        "from each sample on all coils are off so long",
+        "before each sample all coils are off so long",
         min=0.0,
         usual=(0.0, 100.0),
     )
@@ -85,7 +85,7 @@ class Torquers(Role):
     )
     pulse_delay: float = Parameter(
         "s",
-        "pulsed: from the quiet time to the pulses",
+        "pulsed: from the sample to the pulses",
         min=0.0,
         usual=(0.0, 10.0),
     )
@@ -204,9 +204,7 @@ class Torquers(Role):
             self._m = self._without_failed(self._m)
         self._failed = failed
         self._command = self._driven(dipoles)
-        self._begin = (
-            t + self.quiet_time + (self.pulse_delay if self.drive == PULSED else 0.0)
-        )
+        self._begin = t + (self.pulse_delay if self.drive == PULSED else 0.0)
         self._end = self._ends(dipoles)
         if fails and not failed:
             i = self.failed_coil - 1
@@ -251,7 +249,10 @@ class Torquers(Role):
         inf: not before the next sample.
         """
         if self.drive != PULSED:
-            return (inf, inf, inf, inf)
+            if self.quiet_time == 0.0:
+                return (inf, inf, inf, inf)
+            end = (self._sample + 1) * self.sample_time - self.quiet_time
+            return (end, end, end, end)
         a, b, c, d = dipoles
         begin, width = self._begin, self._pulse_width
         return (begin + width(a), begin + width(b), begin + width(c), begin + width(d))

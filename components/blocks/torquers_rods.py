@@ -39,9 +39,9 @@ class TorquersRods(Torquers):
         m = (1 - 2 remanence) x + 4 remanence / N sum_k p_k
         p_k <- min(max(p_k, x - r_k), x + r_k)
 
-    The remanent dipole acts like any other: in the quiet time, in m_body, and in a dead
-    coil. The solution is exact over a step of any length. dipole_energy follows from m,
-    electric_energy from i and R.
+    The remanent dipole acts like any other: at the end of the quiet time, where a
+    magnetometer measures it, in m_body, and in a dead coil. The solution is exact over
+    a step of any length. dipole_energy follows from m, electric_energy from i and R.
 
     Source: Rayleigh, Phil. Mag. 23 (1887) 225; Brokate & Sprekels, Hysteresis and Phase
     Transitions (1996), ch. 2, for the plays; copper's coefficient, 0.00393 1/K at 293

@@ -15,6 +15,8 @@ from .block import Block, Flags4, Input, Mat34, Output, Parameter, Sampled, Vec3
 from .fitting import Law, Need
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+# outputs of a guidance: its reference, held between samples, and what it wants at a step
+HELD_ATTITUDE, WANTED_ATTITUDE = "q_ref_bi", "q_wanted_bi"
 ON_THEIR_WAY = 16  # commands that a computer's delay may hold back at a time
 
 

@@ -503,7 +503,7 @@ def guided(
         else:
             block.advance(t, t - last)
         last = t
-        q.append(block.q_ref_bi)
+        q.append(block.q_wanted_bi)
         omega.append(block.omega_ref_body)
     return np.array(q), np.array(omega)
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..numbers.derived import pointing
+from ..numbers.derived import pointing, wanted_attitude
 from ..numbers.text import Value
 from ..system.interface import role_classes
 from ..system.model import System
@@ -145,9 +145,13 @@ def _attitude_error(parts: HealthParts, results: Results) -> tuple[float, bool]:
     The second value is whether the attitude had been held. The error is 0 where it is
     not known.
     """
-    if parts.attitude is None or not set(parts.attitude) <= set(results.names()):
+    recorded = set(results.names())
+    if parts.attitude is None or not set(parts.attitude) <= recorded:
         return 0.0, False
-    q, reference = (results.values(s) for s in parts.attitude)
+    attitude, held = parts.attitude
+    q, reference = (
+        results.values(s) for s in (attitude, wanted_attitude(held, recorded))
+    )
     count = min(len(q), len(reference))
     if count < 2:
         return 0.0, False

@@ -25,7 +25,14 @@ from desat.components.contract.roles import Manager
 from desat.fmus.registry import block_class, names
 
 from ..language.content import content_of
-from ..numbers.derived import coil_impulse, matrices, pointing, rotate, rotate_back
+from ..numbers.derived import (
+    coil_impulse,
+    matrices,
+    pointing,
+    rotate,
+    rotate_back,
+    wanted_attitude,
+)
 from ..numbers.text import Value
 from ..system.errors import DesatError
 from ..system.model import Component, System, Values
@@ -750,7 +757,8 @@ def _largest_late_error(parts: ManagementParts, results: Results) -> float | Non
 
     None where it is below, or not known.
     """
-    series = [f"{parts.spacecraft}.q_bi", str(parts.reference)]
+    reference = wanted_attitude(str(parts.reference), results.names())
+    series = [f"{parts.spacecraft}.q_bi", reference]
     if missing(series, results):
         return None
     q, reference = (results.values(name) for name in series)

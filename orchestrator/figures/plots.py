@@ -67,10 +67,7 @@ def series_figure(plot: Plot, runs: Sequence[Run]) -> Figure | None:
     _, results, parameters = runs[0]
     if (unit := unit_of(plot, results)) is None:
         return None
-    drawn = [
-        [_at_samples(x, sample_time_of(plot, p)) for x in lines_of(plot, r, unit)]
-        for _, r, p in runs
-    ]
+    drawn = [_drawn_lines(plot, r, p, unit) for _, r, p in runs]
     is_largest = len(runs) > 2 and any(len(lines) > 1 for lines in drawn)
     if is_largest:
         drawn = [_largest(lines) for lines in drawn]
@@ -107,10 +104,19 @@ def series_figure(plot: Plot, runs: Sequence[Run]) -> Figure | None:
     return fig
 
 
+def _drawn_lines(
+    plot: Plot, results: Results, parameters: Table, unit: str
+) -> list[Line]:
+    """Return the lines of a plot, an error from a held reference at its samples alone."""
+    lines, sample_time = lines_of(plot, results, unit), sample_time_of(plot, parameters)
+    signals = derived.compared_signals(plot, set(results.names()))
+    if sample_time <= 0.0 or signals != tuple(plot.signals):
+        return lines
+    return [_at_samples(line, sample_time) for line in lines]
+
+
 def _at_samples(line: Line, sample_time: float) -> Line:
     """Return the rows of a line at which its reference is new."""
-    if sample_time <= 0.0:
-        return line
     sampled = derived.sample_rows(line.times, sample_time)
     return line._replace(times=line.times[sampled], values=line.values[sampled])
 
@@ -295,7 +301,8 @@ def _derived_lines(plot: Plot, results: Results, unit: str) -> list[Line]:
     entry = derived.of_entry(plot)
     assert entry is not None
     quantity, options = entry
-    series = [results.values(s) for s in plot.signals]
+    signals = derived.compared_signals(plot, set(results.names()))
+    series = [results.values(s) for s in signals]
     values = quantity.rows(results.times(), series, options)
     values = values * scale(
         quantity.unit or results.attribute(plot.signals[0], "unit"), unit

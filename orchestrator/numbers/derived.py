@@ -10,12 +10,14 @@ parameter.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from desat.components.contract.roles import HELD_ATTITUDE, WANTED_ATTITUDE
 
 from ..system.errors import MisfitError, nearest
 
@@ -61,6 +63,8 @@ class DerivedQuantity:
 
 
 QUANTITIES: dict[str, DerivedQuantity] = {}
+# derived quantities that compare an attitude with a reference
+ATTITUDE_ERRORS = ("pointing", "error_vector", "euler")
 
 
 def quantity(
@@ -190,13 +194,33 @@ def sample_rows(times: Array, sample_time: float) -> NDArray[np.bool_]:
 
 
 def reference_of(signals: Sequence[str], measure: str, derive: str) -> str:
-    """Return the component of the reference that attitudes are compared with, or "".
+    """Return the series of the reference that attitudes are compared with, or "".
 
     A reference holds between its samples, while the craft goes on turning, so that a
     difference there is none of pointing.
     """
-    compares = measure.startswith("pointing_") or derive in ("pointing", "error_vector")
-    return signals[1].partition(".")[0] if compares and len(signals) > 1 else ""
+    compares = measure.startswith("pointing_") or derive in ATTITUDE_ERRORS
+    return signals[1] if compares and len(signals) > 1 else ""
+
+
+def wanted_attitude(reference: str, recorded: Container[str]) -> str:
+    """Return the series of the attitude that a guidance wants at every row.
+
+    It is the reference itself where the guidance has no such output, or the series is
+    not recorded.
+    """
+    owner, _, variable = reference.partition(".")
+    series = f"{owner}.{WANTED_ATTITUDE}"
+    is_held = variable == HELD_ATTITUDE and series in recorded
+    return series if is_held else reference
+
+
+def compared_signals(entry: Number | Plot, recorded: Container[str]) -> tuple[str, ...]:
+    """Return the series of a number or plot, an attitude's reference as it is wanted."""
+    reference = reference_of(entry.signals, getattr(entry, "measure", ""), entry.derive)
+    return tuple(
+        wanted_attitude(s, recorded) if s == reference else s for s in entry.signals
+    )
 
 
 @quantity("", unit="deg")

@@ -82,6 +82,19 @@ SCALARS = (
 )
 """Measures of one element."""
 
+OF_ENDS = (
+    "last",
+    "norm_last",
+    "mean_size_last",
+    "along",
+    "above",
+    "growth_in",
+    "mean_rate",
+    "decay_rate",
+    "pointing_last",
+)
+"""Measures of the last row, or of the first and the last: few rows suffice."""
+
 SIZES: dict[str, Callable[[Array], Array]] = {
     "mean": lambda v: np.asarray(np.abs(v).mean(axis=1)),
     "largest": lambda v: np.asarray(np.abs(v).max(axis=1)),

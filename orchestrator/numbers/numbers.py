@@ -59,6 +59,15 @@ class SeriesUnit(NamedTuple):
 SeriesLookup = Callable[[str], SeriesUnit | None]
 
 
+class MeasuredNumber(NamedTuple):
+    """Number of a run, and the samples that it is measured over."""
+
+    value: float | None  # in the number's unit; None where the run does not reach it
+    samples: int
+    # whether they are samples of a reference that is not known at the rows between
+    is_of_reference: bool = False
+
+
 class BoundNumber(NamedTuple):
     """Number of a scenario, bound to a system or run."""
 
@@ -71,16 +80,18 @@ class BoundNumber(NamedTuple):
     # s, of the reference that attitudes are compared with; 0: rows are taken as they are
     sample_time: float = 0.0
 
-    def evaluate(self, results: Results) -> float | None:
-        """Return its value in a run, in its unit.
+    def evaluate(self, results: Results) -> MeasuredNumber:
+        """Measure it in a run.
 
-        None where the run does not reach it: no row in its window, or nothing there to
+        The run does not reach it where no row is in its window, or there is nothing to
         measure.
         """
-        columns = self._columns(results)
+        signals = derived.compared_signals(self.number, set(results.names()))
+        columns = self._columns(results, signals)
         rows = min(len(c) for c in columns)
         times = results.times()[:rows]
-        if self.sample_time > 0.0:
+        held = self.sample_time > 0.0 and signals == tuple(self.number.signals)
+        if held:
             sampled = derived.sample_rows(times, self.sample_time)
             times, columns = times[sampled], [c[:rows][sampled] for c in columns]
             rows = len(times)
@@ -90,16 +101,17 @@ class BoundNumber(NamedTuple):
             times, columns = times[inside], [c[:rows][inside] for c in columns]
             rows = len(times)
         if rows == 0:
-            return None
+            return MeasuredNumber(None, 0, held)
         with np.errstate(over="ignore"):  # a run that diverges has infinite numbers
             value = self.measure(times, *(c[:rows] for c in columns), **self.options)
-        return None if math.isnan(value) else self.convert(value)
+        found = None if math.isnan(value) else self.convert(value)
+        return MeasuredNumber(found, rows, held)
 
-    def _columns(self, results: Results) -> list[derived.Array]:
+    def _columns(self, results: Results, signals: Sequence[str]) -> list[derived.Array]:
         """Return the measured columns, (rows, elements) each.
 
-        They are series or a derived quantity, and are cached, because several numbers
-        measure the same ones.
+        They are the signals or a quantity derived from them, and are cached, because
+        several numbers measure the same ones.
         """
 
         def column(signal: str) -> derived.Array:
@@ -108,11 +120,9 @@ class BoundNumber(NamedTuple):
             return (values if values.ndim > 1 else values[:, None]).astype(float)
 
         number = self.number
-        columns = [
-            results.recent(name, partial(column, name)) for name in number.signals
-        ]
+        columns = [results.recent(name, partial(column, name)) for name in signals]
         if self.quantity is not None:
-            key = (number.derive, *number.signals, number.sequence)
+            key = (number.derive, *signals, number.sequence)
             options = self.derive_options
             make = partial(self.quantity.rows, results.times(), columns, options)
             columns = [results.recent(key, make)]
@@ -177,13 +187,14 @@ def bind(number: Number, series: SeriesLookup, parameters: Table | None) -> Boun
 def sample_time_of(entry: Number | Plot, parameters: Table | None) -> float:
     """Return the sample time (s) of the reference of an attitude error; 0 without one."""
     measure = getattr(entry, "measure", "")
-    owner = derived.reference_of(entry.signals, measure, entry.derive)
+    reference = derived.reference_of(entry.signals, measure, entry.derive)
+    owner = reference.partition(".")[0]
     known = (parameters or {}).get(owner, {}).get("sample_time")
     return float(known.value) if known is not None else 0.0
 
 
-def evaluate(number: Number, results: Results, parameters: Table) -> float | None:
-    """Compute a scenario's number in a run, or None where the run does not reach it.
+def evaluate(number: Number, results: Results, parameters: Table) -> MeasuredNumber:
+    """Measure a scenario's number in a run.
 
     Raises
     ------

@@ -56,6 +56,7 @@ class Value:
     unit: str
     note: str = ""  # remark, as on how much of its window the run has
     reference: str = ""  # the scenario that it compares with
+    samples: int | None = None  # rows that it is measured over; None: not counted
 
     @property
     def label(self) -> str:
@@ -65,5 +66,7 @@ class Value:
     def to_json(self) -> JsonObject:
         """Return the number as a manifest has it."""
         return {
-            k: v for k, v in vars(self).items() if v or k not in ("note", "reference")
+            k: v
+            for k, v in vars(self).items()
+            if v or k not in ("note", "reference", "samples")
         }

@@ -10,12 +10,15 @@ from typing import TYPE_CHECKING
 from ..system.expression import factor
 from ..system.parameters import unit_of
 from ..system.typed import JsonObject
+from .measures import OF_ENDS
 from .numbers import late
 from .text import Value, number
 
 if TYPE_CHECKING:
     from ..language.content import Content
     from ..language.scenario import Requirement
+
+FEWEST_SAMPLES = 10  # of a number that a requirement is judged by
 
 
 @dataclass(frozen=True)
@@ -107,13 +110,18 @@ def _too_little(
     if entry.number not in numbers:
         return "not recorded"
     found = numbers[entry.number]
+    number = content.numbers.get(entry.number)
     if found.value is not None:
-        return ""
+        samples = found.samples
+        if samples is None or samples >= FEWEST_SAMPLES or number is None:
+            return ""
+        if number.measure in OF_ENDS:
+            return ""
+        return "1 sample" if samples == 1 else f"{samples} samples"
     if is_late and entry.max is not None:
         limit = entry.max * factor(unit_of(found.unit), "s", f"of {entry.number}")
         if end - start < limit * (1.0 - 1e-9):
             return f"not reached at {end:g} s, where the run ends; it has until {start + limit:g} s"
-    number = content.numbers.get(entry.number)
     if number is not None and number.window and end < number.window[0]:
         return f"the run ends at {end:g} s, before {number.window[0]:g} s, where its window begins"
     return ""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..analyses import attitude_loop
+from ..analyses import attitude_loop, sampling
 from ..engine.trial_initialisation import refusals
 from ..files.library import notes
 from ..system.check import Checked
@@ -28,5 +28,5 @@ def check(target: str, options: Options) -> Checked:
         problems, warnings = refusals(system, schedule, options.trusted)
         checked.problems += explain(system, "\n".join(problems))
         checked.warnings += explain(system, "\n".join(warnings))
-        checked.notes += notes(system.components.values())
+        checked.notes += [*notes(system.components.values()), *sampling.notes(system)]
     return checked

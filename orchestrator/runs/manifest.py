@@ -88,11 +88,13 @@ def numbers(content: Content, results: Results, parameters: Table) -> dict[str, 
     for name, number in content.numbers.items():
         if not number.signals or not known.issuperset(number.signals):
             continue
-        value, note = evaluate(number, results, parameters), ""
+        value, samples, is_of_reference = evaluate(number, results, parameters)
+        note = f"at {samples} samples of the reference" if is_of_reference else ""
         until = (number.window or (0.0, inf))[1]
         if value is not None and until < OPEN_END and end[0] < until - 1e-6:
             note = f"only to {end[0]:g} s of {until:g} s"
-        rows[name] = Value(number.title or name, value, number.unit, note)
+        title = number.title or name
+        rows[name] = Value(title, value, number.unit, note, samples=samples)
     return rows
 
 

@@ -22,6 +22,7 @@ from ..analyses import (
     needs,
     plausibility,
     residual,
+    sampling,
     wheels,
 )
 from ..analyses.manifest import Manifest, SubstepChoice
@@ -503,4 +504,5 @@ WARNINGS: tuple[Callable[[System], Iterable[str]], ...] = (
     attitude_loop.warnings,
     plausibility.warnings,
     residual.warnings,
+    sampling.warnings,
 )

@@ -18,7 +18,7 @@ from ..analyses.flight import hardware_of
 from ..analyses.manifest import Manifest
 from ..analyses.motion import period_of
 from ..engine.recording.results import Results
-from ..numbers.derived import pointing
+from ..numbers.derived import pointing, wanted_attitude
 from ..numbers.text import spell_unit
 from ..system.errors import DesatError, nearest
 from ..system.model import System
@@ -112,9 +112,11 @@ def _duty(run: MeasuredRun) -> float | None:
 
 def _pointing(run: MeasuredRun) -> float | None:
     """Compute the rms pointing error (deg), or None without a reference."""
-    if REFERENCE not in run.results.names():
+    recorded = run.results.names()
+    if REFERENCE not in recorded:
         return None
-    q, reference = run.rows(ORBIT[3]), run.rows(REFERENCE)
+    q = run.rows(ORBIT[3])
+    reference = run.rows(wanted_attitude(REFERENCE, recorded))
     n = min(len(q), len(reference))
     return float(np.sqrt((pointing(q[:n], reference[:n]) ** 2).mean()))
 

@@ -346,10 +346,15 @@ def find_elements(
 def selects(patterns: Iterable[str], component: str, signal: Signal) -> bool:
     """Return whether `component.variable` matches one of the patterns (`manager.*`).
 
-    `fault` must be named: a fault ends the run in any case.
+    `fault` must be named: a fault ends the run in any case. A reference attitude
+    selects what its guidance wants with it, against which errors are taken.
     """
-    name = f"{component}.{signal.series}"
-    if name in patterns:
+    names = [f"{component}.{signal.series}"]
+    if signal.series == roles.WANTED_ATTITUDE:
+        names.append(f"{component}.{roles.HELD_ATTITUDE}")
+    if any(name in patterns for name in names):
         return True
-    open_ = (p for p in patterns if "*" in p or "?" in p or "[" in p)
-    return signal.name != "fault" and any(fnmatch(name, p) for p in open_)
+    open_ = [p for p in patterns if "*" in p or "?" in p or "[" in p]
+    return signal.name != "fault" and any(
+        fnmatch(name, p) for name in names for p in open_
+    )

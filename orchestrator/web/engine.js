@@ -239,15 +239,6 @@ class Flight {
     let rows = Math.min(...columns.map($.len));
     let times = this.times(rows);
     columns = columns.map((c) => $.get(c, [{ slice: [0, rows] }]));
-    if (of.held > 1.001 * this.told.step) { // of a reference: at its samples alone, as derived.py
-        const { data } = times;
-        const count = (t) => Math.floor((t - data[0]) / of.held + 1e-9);
-        const first = Array.from(data, (t, k) => (k === 0 || count(t) > count(data[k - 1]) ? 1 : 0));
-        const sampled = $.ge($.array(first), 1);
-        times = $.get(times, [sampled]);
-        columns = columns.map((c) => $.get(c, [sampled]));
-        rows = $.len(times);
-    }
     if (of.window) {
       const kept = $.and($.ge(times, of.window[0] - 1e-6), $.le(times, of.window[1] + 1e-6));
       times = $.get(times, [kept]);

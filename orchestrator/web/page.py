@@ -33,7 +33,7 @@ from ..numbers import derived
 from ..numbers.derived import QUANTITIES, coil_impulse
 from ..numbers.limits import parameter_of
 from ..numbers.measures import MEASURES, OWN_UNIT
-from ..numbers.numbers import sample_time_of, scale
+from ..numbers.numbers import scale
 from ..numbers.text import spell_unit
 from ..report.policy import part
 from ..report.report import data_element, render
@@ -337,8 +337,8 @@ def _there(system: System) -> set[str]:
 def _series(law: _LawSystem) -> set[str]:
     """Return the series that plots and numbers need."""
     content, there = law.content, _there(law.system)
-    series_needed = {s for n in content.numbers.values() for s in n.signals}
-    series_needed |= {s for p in content.plots.values() for s in p.signals}
+    entries = (*content.numbers.values(), *content.plots.values())
+    series_needed = {s for e in entries for s in derived.compared_signals(e, there)}
     if parts := management.applies(law.system):
         series_needed |= {*management.signals(parts), *management.balanced(parts)}
         if parts.wheels:
@@ -529,7 +529,8 @@ def _numbers(
 
 def _number(number: Number, law: _LawSystem) -> JsonObject:
     """Return how a number is computed from series."""
-    units = [_unit(law.system, s) for s in number.signals]
+    signals = derived.compared_signals(number, _there(law.system))
+    units = [_unit(law.system, s) for s in signals]
     entry = derived.of_entry(number)
     if entry is not None:
         units = [entry[0].unit or units[0]]
@@ -545,7 +546,7 @@ def _number(number: Number, law: _LawSystem) -> JsonObject:
         number.measure not in OWN_UNIT and unit_of(number.unit) == source
     )
     return {
-        "signals": number.signals,
+        "signals": signals,
         "measure": number.measure,
         "derive": number.derive,
         **_derivation(number, law),
@@ -556,7 +557,6 @@ def _number(number: Number, law: _LawSystem) -> JsonObject:
         "scale": 1.0
         if same or reference is not None
         else factor(source, number.unit, number.measure),
-        "held": sample_time_of(number, law.known),
         "options": {
             k: expression(x, law.known) if isinstance(x, str) and k != "kind" else x
             for k, x in number.options.items()
@@ -606,7 +606,8 @@ def _plots(
             reason = lacking.get(plot.derive, f"{law.name} has not all of its series")
             notes.append(f"no plot {name}: {reason}")
             continue
-        yield _plot(name, plot, signals, law)
+        compared = derived.compared_signals(plot, there)
+        yield _plot(name, plot, [s for s in compared if s in there], law)
 
 
 def _plot(name: str, plot: Plot, signals: list[str], law: _LawSystem) -> JsonObject:
