@@ -294,7 +294,11 @@ def _course_within(course: Course, limits: Limits, start: Array) -> Optimum | No
     weight = START_WEIGHT * typical / max(size, 1e-300)
     for _ in range(APPROACHES):
         penalty = _Power(aims, weight, LIGHT * np.eye(3))
-        now = _descend(course, penalty, start, now, 1e-3 * penalty.total(course, now))
+        enough = 1e-3 * penalty.total(course, now)
+        try:
+            now = _descend(course, penalty, start, now, enough)
+        except np.linalg.LinAlgError:  # so large a weight that rounding decides
+            return None
         if limits.hold(course, now):
             return now
         weight *= 10.0
@@ -442,7 +446,7 @@ def _linear_quadratic(
     dt (weights H_k+1 + linear) = P_k+1 - P_k; so P obeys a block tridiagonal system
     without negative eigenvalues.
     """
-    from scipy.linalg import solveh_banded  # takes a while to load
+    from scipy.linalg import solve_banded, solveh_banded  # takes a while to load
 
     count, dt, effect = len(course.field), course.dt, course.effect
     v, c = inverse / dt, np.einsum("kab,kb->ka", inverse, linear)
@@ -457,7 +461,12 @@ def _linear_quadratic(
             if i <= j:
                 bands[5 + i - j, j::3] = diagonal[:, i, j]
             bands[2 + i - j, 3 + j :: 3] = -v[:-1, i, j]
-    costate = solveh_banded(bands, right.ravel()).reshape(count, 3)
+    try:
+        costate = solveh_banded(bands, right.ravel())
+    except np.linalg.LinAlgError:  # by rounding alone: elimination with pivots takes it
+        lower = [np.append(bands[5 - i, i:], np.zeros(i)) for i in range(1, 6)]
+        costate = solve_banded((5, 5), np.vstack([bands, lower]), right.ravel())
+    costate = costate.reshape(count, 3)
     dipole = np.einsum("kab,kb->ka", course.weighting, np.cross(course.field, costate))
     moves = dt * course.gravity + np.einsum("kab,kb->ka", effect, dipole)
     momentum = np.vstack([start, start + np.cumsum(moves, axis=0)])
