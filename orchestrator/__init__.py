@@ -212,8 +212,8 @@ def new(
     import shlex
     from pathlib import Path
 
-    from .begin.craft import write
     from .begin.facts import CraftFacts, Facts
+    from .runs.new_craft import write_craft
     from .system.errors import DesatError, nearest
 
     if unknown := [name for name in facts if name not in Facts.__annotations__]:
@@ -223,7 +223,7 @@ def new(
         )
     typed = [f"--{name.replace('_', '-')}={value}" for name, value in facts.items()]
     command = shlex.join(["desat", "new", "craft", str(folder), *typed])
-    write(Path(folder), CraftFacts(**facts), command, force)
+    write_craft(Path(folder), CraftFacts(**facts), command, force)
     return Path(folder)
 
 

@@ -31,7 +31,8 @@ class ManagerThreshold(MomentumDumping):
     that `fill` does not fall below `end`. Pairs about the body's axes give it with
     on-times of |N_x|, |N_y| and |N_z| over their levels. With `aligned` above 0 a dump
     waits until |h_x| + |h_y| + |h_z|, which is what it costs, is at most aligned |h| in
-    the attitude of the craft, but no longer than `longest_wait`. Thrusters fire whole
+    the attitude of the craft, but no longer than `longest_wait`, and not once `fill` is
+    at `latest`: a craft that does not turn may wait in vain. Thrusters fire whole
     pulses. With `pulse_body`, the angular impulse of the shortest pulse about each
     axis, N consists of whole pulses, and the remainder of an axis is added to its next
     sample. The wheels then absorb exactly what is fired, and noise about zero fires
@@ -94,6 +95,11 @@ class ManagerThreshold(MomentumDumping):
         max=1.7320508075688772,
     )
     longest_wait: float = Parameter("s", "no dump waits longer", start=86400.0, min=0.0)
+    latest: float = Parameter(
+        "N.m.s",
+        "momentum from which on no dump waits; above begin, 0: there is none",
+        min=0.0,
+    )
     gain: float = Parameter("1/s", "gain of the coils' law", start=5e-3, min=0.0)
     m_limit: float = Parameter(
         "A.m2",
@@ -127,6 +133,10 @@ class ManagerThreshold(MomentumDumping):
             self.fail(
                 f"aligned = {self.aligned}: |h|_1 / |h| is never below 1; 0 does not wait"
             )
+        if 0.0 < self.latest <= self.begin:
+            self.fail(
+                f"latest = {self.latest} N m s is not above begin = {self.begin} N m s"
+            )
         self.dumps, self.dumping_time, self.dumped = 0, 0.0, 0.0
         self._since = 0.0
         self._rest: Vec3 = ZERO
@@ -150,7 +160,7 @@ class ManagerThreshold(MomentumDumping):
         fill = max(abs(x) for x in self.h_wheel) if self.fill == WHEELS else size
         if self.mode == IDLE and fill >= self.begin:
             self.mode, self._since = WAITING, t
-        if self.mode == WAITING and self._goes(t, h, size):
+        if self.mode == WAITING and self._goes(t, h, size, fill):
             self.mode, self._last, self._rest = DUMPING, 0, ZERO
             self._dumped_before, self._taken = self.dumped, ZERO
             self.dumps += 1
@@ -212,12 +222,13 @@ class ManagerThreshold(MomentumDumping):
         self._rest = sub(impulses, (x, y, z))
         return scale(1.0 / self.sample_time, (x, y, z))
 
-    def _goes(self, t: float, h: Vec3, size: float) -> bool:
+    def _goes(self, t: float, h: Vec3, size: float, fill: float) -> bool:
         """Return whether a dump that is due begins at this sample."""
         if (
             self.by == COILS
             or self.aligned == 0.0
             or t - self._since >= self.longest_wait
+            or 0.0 < self.latest <= fill
         ):
             return True
         return abs(h[0]) + abs(h[1]) + abs(h[2]) <= self.aligned * size

@@ -7,6 +7,7 @@ needs numpy and HiGHS.
 
 from __future__ import annotations
 
+from threading import Thread
 from typing import NamedTuple
 
 import highspy
@@ -14,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+PATIENCE = 2.0  # s, for a solver that a signal has ended
+LARGE = 20_000  # unknowns from which on a programme may take seconds
 
 
 class Plan(NamedTuple):
@@ -77,6 +80,23 @@ def least_firing(
     )
 
 
+def _run(solver: highspy.Highs, size: int) -> None:
+    """Run a solver; one of a large programme in a thread, so that a signal ends it."""
+    if size < LARGE:
+        solver.run()
+        return
+    solver.HandleUserInterrupt = True
+    thread = Thread(target=solver.run, daemon=True)
+    thread.start()
+    try:
+        while thread.is_alive():
+            thread.join(0.1)
+    except BaseException:  # of a signal: the solver ends at its next iteration
+        solver.cancelSolve()
+        thread.join(PATIENCE)
+        raise
+
+
 def programme(
     cost: Array, rows: Array, goal: Array, least: Array, most: Array
 ) -> tuple[Array, Array] | tuple[None, None]:
@@ -104,7 +124,7 @@ def programme(
     ):
         solver.setOptionValue(option, value)
     solver.passModel(task)
-    solver.run()
+    _run(solver, n)
     if solver.getModelStatus() != highspy.HighsModelStatus.kOptimal:
         return None, None
     found = solver.getSolution()

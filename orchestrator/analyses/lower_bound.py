@@ -1,6 +1,7 @@
 """Compute the minimum firing time with which a dumping run could have done.
 
-This is `desat bound`. The true field and attitude of a run, and with them every
+This is `desat bound`, and of scenarios with `firing_bound` a number of each run: it is
+meant for an emptying of minutes, and may take longer than a flight of days. The true field and attitude of a run, and with them every
 external torque except those of torquers and thrusters, are taken as given. The total
 impulse that torquers and thrusters must give in an inertial frame then follows from the
 target momentum of the wheels at the end. The minimum firing time for it is one linear
@@ -43,6 +44,7 @@ NOT_APPLICABLE = (
     "{}: no manager commands thrusters in it beside torquers; there is no firing time"
 )
 SMALLEST = 1e-6  # s: a bound below this has no percentage
+MOST_SAMPLES = 10_000  # of the manager, in the programme
 
 
 @dataclass(frozen=True)
@@ -151,6 +153,7 @@ def of_run(manifest: Manifest, results: Results) -> LowerBound:
         raise DesatError(
             f"{name}: a run by {manifest.algorithm}; the bound needs gauss_seidel"
         )
+    _check_size(manifest, results, parts)
     truth = _Truth(manifest, results, parts)
     c_end = truth.attitude(truth.times[-1:])[0]
     remaining = (truth.momentum_left @ c_end).astype(float)
@@ -171,11 +174,11 @@ def of_run(manifest: Manifest, results: Results) -> LowerBound:
 
 
 def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
-    """Compute the bound of a completed run.
+    """Compute the bound of a completed run of a scenario that asks for it.
 
     Empty where nothing fired, or too little was recorded.
     """
-    if not manifest.completed:
+    if not manifest.completed or not manifest.about.get("firing_bound"):
         return {}
     with suppress(DesatError):
         (on_time,) = _series(
@@ -184,6 +187,18 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
         if on_time[-1] > 0.0:  # without firing the slow programme has no result
             return of_run(manifest, results).numbers()
     return {}
+
+
+def _check_size(manifest: Manifest, results: Results, parts: ThrusterParts) -> None:
+    """Raise DesatError where a run has more samples than the programme takes."""
+    times = results.times()
+    period = manifest.values_of(parts.manager).get("sample_time") or manifest.step
+    count = round((times[-1] - times[0]) / period)
+    if count > MOST_SAMPLES:
+        raise DesatError(
+            f"{manifest.scenario}: no bound: {count} samples of {period:g} s; the programme "
+            f"takes up to {MOST_SAMPLES}, as with --stop {MOST_SAMPLES * period:g}"
+        )
 
 
 class _Truth:

@@ -47,6 +47,40 @@ SMALLEST_THRESHOLD = 0.01
 LARGEST_TANK = 0.9  # share of the mass
 
 
+def problems(system: System) -> Iterator[str]:
+    """Yield a line if a dump may wait until the wheels are full."""
+    wheels, manager = craft_of(system).wheels, craft_of(system).manager
+    if wheels is None or manager is None or not len(wheels.capacities):
+        return
+    values, capacity = manager.values, float(wheels.capacities.min())
+    if not values.get("aligned") or not 0.0 < capacity < inf:
+        return
+    if manager.choice("by") != "thrusters" or manager.choice("fill") != "wheels":
+        return
+    place = _place_of(system, manager, "longest_wait")
+    latest = values["latest"]
+    if latest > capacity:
+        yield (
+            f"{_place_of(system, manager, 'latest')}: {manager.name}.latest = {latest:g} N m s, "
+            f"and a wheel holds {capacity:.4g} N m s: a dump may wait until it is full"
+        )
+    room = capacity - values["begin"]
+    if latest > 0.0 or room <= 0.0:
+        return
+    try:
+        rate = _growth(_orbit(system), wheels)
+    except (DesatError, BlockError):
+        return  # attitude or environment are not known without a run
+    wait, affordable = values["longest_wait"], room / max(rate, 1e-300)
+    if wait > affordable:
+        yield (
+            f"{place}: {manager.name}.longest_wait = {wait:g} s: meanwhile disturbances bring up "
+            f"to {wait * rate:.3g} N m s into a wheel, which holds {room:.3g} N m s above "
+            f"begin: at most {affordable:.3g} s, or a {manager.name}.latest below "
+            f"{capacity:.4g} N m s, from which on no dump waits"
+        )
+
+
 def warnings(system: System) -> Iterator[str]:
     """Yield a line for each implausible figure of a checked system."""
     yield from _body(system)
@@ -190,21 +224,27 @@ def _orbit_momentum(system: System, wheels: WheelArray) -> Iterator[str]:
     inverse = np.linalg.pinv(axes)
     span = float(flight.times[-1] - flight.times[0])
     impulse = flight.disturbance - flight.disturbance[0]
-    secular = impulse[-1] / span
-    rest = impulse - np.outer(flight.times - flight.times[0], secular)
+    rest = impulse - np.outer((flight.times - flight.times[0]) / span, impulse[-1])
     rest = rest - (rest.max(axis=0) + rest.min(axis=0)) / 2.0
     inside = rotate(flight.q, rest) - (flight.body - flight.body.mean(axis=0))
     needs = float(np.abs(inside @ inverse.T).max())
     place = _place_of(system, craft, "residual_dipole_body")
     if needs > capacity:
         yield f"{place}: {name}: {cyclic.shortfall(needs, capacity)}"
-    along = rotate(flight.q, np.broadcast_to(secular, (len(flight.q), 3)))
-    brings = span * float(np.abs(along @ inverse.T).max())
+    brings = span * _growth(flight, wheels)
     if brings > capacity:
         yield (
             f"{place}: {name}: disturbances leave {brings:.3g} N m s in the fullest wheel "
             f"in each orbit, and it holds {capacity:.3g} N m s"
         )
+
+
+def _growth(flight: Flight, wheels: WheelArray) -> float:
+    """Compute how fast the secular torque of a flight fills a wheel (N m), at most."""
+    span = flight.times[-1] - flight.times[0]
+    secular = (flight.disturbance[-1] - flight.disturbance[0]) / span
+    along = rotate(flight.q, np.broadcast_to(secular, (len(flight.q), 3)))
+    return float(np.abs(along @ np.linalg.pinv(wheels.axes).T).max())
 
 
 def _most_in_an_orbit(system: System, craft: Component) -> float:

@@ -157,6 +157,7 @@ class NewDumps:
     large: bool  # print momentum in N m s, not mN m s
     most: str  # %: required maximum fill
     aligned: bool  # whether a dump waits until its momentum lies along an axis
+    latest: str  # N m s: from there on it does not wait
     momentum: float  # N m s, between the thresholds
 
 
@@ -177,10 +178,33 @@ class NewCraft:
     assumptions: tuple[Assumption, ...]
 
 
+def check_folder(folder: Path, force: bool) -> None:
+    """Check that the folder of a craft can be written.
+
+    Raises
+    ------
+    DesatError
+        If it exists and `force` is not set, or has no name for a craft.
+    """
+    if folder.exists() and not force:
+        raise DesatError(f"{folder}: it exists; --force writes the craft into it")
+    if not re.fullmatch(r"[\w.+ -]+", folder.absolute().name):
+        raise DesatError(
+            f"{plain(str(folder))}: a name of letters, digits, blanks and . _ + - is "
+            "needed"
+        )
+
+
 def write(
-    folder: Path, facts: CraftFacts, command: str, force: bool = False
+    folder: Path,
+    facts: CraftFacts,
+    command: str,
+    force: bool = False,
+    dipole_sign: float = 1.0,
 ) -> NewCraft:
     """Write the folder of a craft.
+
+    `dipole_sign` is that of the residual dipole along its assumed direction.
 
     Raises
     ------
@@ -188,15 +212,9 @@ def write(
         If the folder exists and `force` is not set, or a requested property is
         impossible; then nothing is written.
     """
-    if folder.exists() and not force:
-        raise DesatError(f"{folder}: it exists; --force writes the craft into it")
+    check_folder(folder, force)
     name = folder.absolute().name
-    if not re.fullmatch(r"[\w.+ -]+", name):
-        raise DesatError(
-            f"{plain(str(folder))}: a name of letters, digits, blanks and . _ + - is "
-            "needed"
-        )
-    values = _template_values(facts, name, plain(command))
+    values = _template_values(facts, name, plain(command), dipole_sign)
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -297,6 +315,18 @@ def _assumptions(facts: CraftFacts, values: Mapping[str, Any]) -> Iterator[Assum
             "torque, mean size", f"{torque.size:.4g}", "N m", f"given: {torque.option}"
         )
     yield from _assumptions_of_thrusters(values["thrusters"])
+    if values["rods"] and values["thrusters"]:
+        by, idle = ("rods", "thrusters")
+        if values["dump"] is not None and values["dump"].by == "thrusters":
+            by, idle = idle, by
+        yield Assumption(
+            "momentum is removed by",
+            f"{by} alone",
+            "",
+            f"given: --dump; without it the {idle} would, at no propellant"
+            if by == "thrusters"
+            else f"the {idle} do not fire: --dump 'thrusters 70:10' would",
+        )
     if dump := values["dump"]:
         yield Assumption(
             "a dump begins, ends", f"{dump.begin}, {dump.end}", "N m s", "given: --dump"
@@ -346,7 +376,9 @@ def _list(values: Any) -> str:
     return "[" + ", ".join(_text(float(x)) for x in values) + "]"
 
 
-def _template_values(facts: CraftFacts, name: str, command: str) -> dict[str, Any]:
+def _template_values(
+    facts: CraftFacts, name: str, command: str, dipole_sign: float
+) -> dict[str, Any]:
     """Return the values that the templates are filled with."""
     pointing = facts.pointing or ("nadir" if facts.sun is None else "sun")
     if pointing not in POINTINGS:
@@ -377,11 +409,7 @@ def _template_values(facts: CraftFacts, name: str, command: str) -> dict[str, An
     bandwidth = min(
         quick, math.sqrt(wheels.torque_si / (max(inertia) * math.radians(5.0)))
     )
-    fullest = (
-        1.0
-        if facts.dump is None
-        else min(_thresholds(facts.dump)[0] + 10.0, 98.0) / 100.0
-    )
+    fullest = 1.0 if facts.dump is None else _fullest(facts.dump) / 100.0
     loop = _attitude_loop(inertia, wheels, bandwidth, step)
     step = _stable_sample(loop, wheels, fullest, given_sample is not None)
     step_why = (
@@ -404,7 +432,8 @@ def _template_values(facts: CraftFacts, name: str, command: str) -> dict[str, An
         torque=outer,
     )
     dipole = dipole if sources.dipole else 0.0
-    along = [x / math.sqrt(1.0 + 0.25 + 0.64) for x in (1.0, -0.5, 0.8)]
+    length = math.copysign(math.sqrt(1.0 + 0.25 + 0.64), dipole_sign)
+    along = [x / length for x in (1.0, -0.5, 0.8)]
     start = _start(pointing, orbit)
     if orbit.eccentricity < 0.1 and orbit.of_earth:
         _holds(pointing, orbit, inertia, wheels, [dipole * x for x in along], start)
@@ -467,7 +496,7 @@ def _template_values(facts: CraftFacts, name: str, command: str) -> dict[str, An
         "star_tracker": classes()["star_trackers"]["cubesat"],
         "dipole": {
             "value": _list(dipole * x for x in along),
-            "why": f"A m2; {origin}",
+            "why": f"A m2; {origin}; direction assumed, with the worse sign",
             "size": _text(dipole),
             "origin": origin,
             "twice": _list(2.0 * dipole * x for x in along),
@@ -877,10 +906,18 @@ def _dump(
         origin=origin,
         sample=sample,
         large=capacity >= 1.0,
-        most=f"{min(begin + 10.0, 98.0):g}",
+        most=f"{_fullest(facts.dump):g}",
         aligned=aligned,
+        latest=_text((begin + 100.0) / 200.0 * capacity),
         momentum=(begin - end) / 100.0 * capacity,
     )
+
+
+def _fullest(dump: str) -> float:
+    """Return the largest fill (%) that a craft with these dumps is allowed."""
+    begin, _, _, aligned = _thresholds(dump)
+    latest = (begin + 100.0) / 2.0  # where a dump that waits begins at last
+    return min(latest + 3.0 if aligned else begin + 10.0, 98.0)
 
 
 def _thresholds(text: str) -> tuple[float, float, str, bool]:

@@ -153,6 +153,8 @@ def _code() -> int:
         return Exit.SPACE if refused and is_full(error) else error.code
     except (typer.Abort, KeyboardInterrupt):
         return Exit.INTERRUPTED
+    except SystemExit as end:  # of a signal, or of a process that `run` has forked
+        return end.code if isinstance(end.code, int) else Exit.COMPLETED
     except OSError as error:
         description = error.strerror or str(error)
         _say(f"{error.filename}: {description}" if error.filename else description)

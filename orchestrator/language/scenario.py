@@ -399,6 +399,11 @@ class ScenarioTable(Written):
         "it: above it a run ends with 1; 2e-8",
         use="run",
     )
+    firing_bound: bool = key(
+        "true: of each run the least possible firing time too, as `desat bound` computes it",
+        default=False,
+        use="text",
+    )
     stop_when: Maybe[StopWhen] = key("a condition that ends it before", use="run")
     epoch: Maybe[Annotated[datetime, AfterValidator(utc)]] = key(
         "UTC of t = 0", use="system"

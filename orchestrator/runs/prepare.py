@@ -488,6 +488,7 @@ SYSTEMS: tuple[Callable[[System], Iterable[str]], ...] = (
     accounts.problems,
     management.problems,
     needs.problems,
+    plausibility.problems,
     attitude_loop.problems,
 )
 # Functions that yield a line for each warning about a system.

@@ -61,6 +61,7 @@ from ..system.model import System
 from ..system.options import Options
 from ..system.parameters import bare_block, unit_of
 from ..system.typed import JsonObject
+from .compatibility import terms_of
 from .momentum import (
     SourceShare,
     compute_slew,
@@ -71,6 +72,7 @@ from .momentum import (
 from .propellant import GRAVITY, YEAR, thruster_cost
 from .requirements import SizingRequirements
 from .result import finite
+from .rods import find_rods_of_laws, other_laws
 from .scenarios import closed_loop_only, doubts, find_worst_scenario
 from .year import YearDate, days_of_year
 
@@ -97,7 +99,7 @@ PARTS = 5  # days of a scenario that are examined
 NODES = 1440  # minimum number of rows of a day or orbit
 # Spacing of rows in deep space (s), and maximum number of rows of a flight through all
 # dumps.
-COARSE, MOST_ROWS = 1200.0, 70_000
+COARSE, MOST_ROWS = 1200.0, 100_000
 MOST_SAMPLES = 10_000  # samples of a dump
 BETWEEN = 200  # minimum number of rows between two dumps
 WEEK = 7.0 * 86400.0
@@ -109,6 +111,8 @@ CHEAPEST_OF, CHEAPEST_AT = (
     180,
 )  # dumps, and attitudes at which their cost is evaluated
 WORST_DUMPS = 8  # dumps of the worst scenario after its first
+# Intervals between dumps after the first that the model follows, until there are two.
+ROUNDS = (3, 6, 12)
 SLOW_ORBIT = (
     4.0 * 3600.0
 )  # s: a faster orbit gets rows of 2 min, which keep the field to 1e-5
@@ -157,6 +161,20 @@ class Threshold(NamedTuple):
     a_year: float
 
 
+class RodsAlone(NamedTuple):
+    """Rods (A m2) of a craft that dumps by thrusters, and what they would have to be."""
+
+    has: float
+    # smallest of all laws without the thrusters on the worst day; None: none holds
+    needed: float | None
+    law: str  # the law of `needed`
+
+    @property
+    def suffice(self) -> bool:
+        """Return whether the rods would hold the craft without its thrusters."""
+        return self.needed is not None and self.has >= self.needed
+
+
 class Course(NamedTuple):
     """Fill (n,) N m s of the wheels over times (n,) s, and the times (s) of its dumps."""
 
@@ -182,6 +200,7 @@ class DumpSizing:
     steady: Rates  # in the time of the scenario
     # kg of propellant, mean over the days of a year with the scenario's solar activity
     a_year: float
+    range_a_year: tuple[float, float]  # kg, least and most of these days
     # kg, the same with low and high solar activity, where air matters
     by_activity: Mapping[str, float]
     each_year: tuple[float, ...]  # kg, the same as if each day of `year` lasted
@@ -198,6 +217,7 @@ class DumpSizing:
     problems: tuple[str, ...]
     notes: tuple[str, ...]
     thresholds: tuple[Threshold, ...] = ()
+    rods: RodsAlone | None = None  # None: it has none
     # through the dumps of the scenario's time; None: they are too many, or too late
     course: Course | None = None
 
@@ -220,6 +240,8 @@ class DumpSizing:
         bare = replace(self, course=None)
         document = {k: finite(x) for k, x in asdict(bare).items() if k != "course"}
         document["thresholds"] = [finite(x._asdict()) for x in self.thresholds]
+        if self.rods is not None:
+            document["rods"] = self.rods._asdict() | {"suffice": self.rods.suffice}
         return document | {
             "steady": finite(steady),
             "years": finite(self.years),
@@ -236,15 +258,33 @@ class DumpSizing:
         each = f"{1e3 * self.steady.propellant:.3g} g each"
         text = (
             f"{self.target} dumps {self.steady.a_week:.3g} times a week, {each}, "
-            f"{self.a_year:.3g} kg a year"
+            f"{self.steady.a_year:.3g} kg a year"
         )
+        if self.year:
+            least, most = self.range_a_year
+            text += (
+                f" at this rate; over the dates of a year {self.a_year:.3g} kg "
+                f"({least:.3g} to {most:.3g} by date)"
+            )
         if self.by_activity:
             levels = [f"{x:.3g} at {name}" for name, x in self.by_activity.items()]
-            text += f" ({', '.join(levels)} solar activity)"
-        text += f" (at least {self.least_a_year:.3g} kg where dumps wait for the cheapest attitude)"
+            text += f", {', '.join(levels)} solar activity"
+        text += f", at least {self.least_a_year:.3g} kg where dumps wait for the cheapest attitude"
         if self.tank > 0.0:
             text += f"; its {self.tank:g} kg last {self.years:.3g} years"
-        return f"{text}."
+        return f"{text}.{self._about_rods()}"
+
+    def _about_rods(self) -> str:
+        """Say whether the craft's rods would hold it without propellant, if it has some."""
+        if self.rods is None:
+            return ""
+        rods = f" Its rods of {self.rods.has:.4g} A m2"
+        if self.rods.needed is None:
+            return f"{rods} do not suffice alone: none would."
+        needs = f"{self.rods.law} needs {self.rods.needed:.3g} A m2"
+        if self.rods.suffice:
+            return f"{rods} suffice alone ({needs}; a craft without --dump): no propellant."
+        return f"{rods} do not suffice alone: {needs}."
 
 
 def applies(system: System) -> bool:
@@ -308,18 +348,30 @@ def size(
     progress("the days of the scenario")
     flight = _flight(system, attitude)
     torque, _ = secular(flight)
-    later = _later_flights(system, attitude, flight)
-    steady = mean_of([rates_of(f, hardware, law, cost, isp) for f in (flight, *later)])
+    span = system.stop - system.start
+    rates_in = partial(rates_of, hardware=hardware, law=law, cost=cost, isp=isp)
+    steady = mean_of(_rates_over(system, attitude, flight, span, rates_in))
+    if steady.interval < inf and options.stop is None:
+        # node and Sun move between dumps that are far apart
+        span = max(span, steady.first + steady.interval)
+        steady = mean_of(_rates_over(system, attitude, flight, span, rates_in))
     window = _window(system, options, steady)
-    whole_run = _through(system, attitude, flight, window, steady.interval)
     course = None
-    if whole_run is not None and steady.first < window:
-        progress("its dumps, one after the other")
-        steady = _steady_along(whole_run, hardware, law, cost, isp, steady)
-        course = _course_of_fill(whole_run, hardware, law)
+    progress("its dumps, one after the other")
+    for count in ROUNDS if options.stop is None else (0,):
+        span = max(window, steady.first + count * steady.interval)
+        if not span < LONGEST:
+            break
+        whole_run = _through(system, attitude, flight, span, steady.interval)
+        if whole_run is None:
+            break
+        along = rates_in(whole_run, interval=steady.interval)
+        if along.interval < inf or options.stop is not None:
+            steady = _steady_along(along, steady)
+            course = _course_of_fill(whole_run, hardware, law)
+            break
     progress("other thresholds")
     thresholds = tuple(_rates_by_threshold(flight, hardware, law, cost, isp))
-    rates_in = partial(rates_of, hardware=hardware, law=law, cost=cost, isp=isp)
     is_wanted = requirements.year and float(np.linalg.norm(flight.r[0])) < BEYOND
     year, each = (
         _days_of(system, hardware, attitude, rates_in, progress)
@@ -334,6 +386,7 @@ def size(
     of_own = [r for d, r in zip(year, each, strict=True) if d.activity == of_worst] or [
         steady
     ]
+    rods = _rods_alone(target, system, options, flight, requirements, progress)
     slew_momentum, slew_torque = compute_slew(hardware, requirements)
     sizing = DumpSizing(
         target=target,
@@ -348,6 +401,8 @@ def size(
         capacity=smallest_wheel_capacity(hardware),
         steady=steady,
         a_year=float(np.mean([r.a_year for r in of_own])),
+        range_a_year=(min(r.a_year for r in of_own), max(r.a_year for r in of_own)),
+        rods=rods,
         by_activity={k: x for k, x in by_activity.items() if k != of_worst},
         each_year=tuple(r.a_year for r in each) or (steady.a_year,),
         least_a_year=float(np.mean([r.least_a_year for r in of_own])),
@@ -399,11 +454,51 @@ def _cost_of_thrusters(
     return cost, isp
 
 
-def _later_flights(system: System, attitude: Attitude, flight: Flight) -> list[Flight]:
-    """Fly the same as `flight`, at dates spread over the rest of the run."""
-    span = max(0.0, system.stop - system.start - (flight.times[-1] - flight.times[0]))
-    dates = np.linspace(0.0, span, PARTS)[1:]
-    return [_flight(system, attitude, float(t)) for t in dates if t > 0.0]
+def _rates_over(
+    system: System,
+    attitude: Attitude,
+    flight: Flight,
+    span: float,
+    rates_in: Callable[[Flight], Rates],
+) -> list[Rates]:
+    """Compute the rates at dates spread over a span (s), as if each of them lasted.
+
+    `flight` is that of the first date.
+    """
+    rest = max(0.0, span - (flight.times[-1] - flight.times[0]))
+    dates = [float(t) for t in np.linspace(0.0, rest, PARTS)[1:] if t > 0.0]
+    later = [_flight(system, attitude, t) for t in dates]
+    return [rates_in(f) for f in (flight, *later)]
+
+
+def _rods_alone(
+    target: str,
+    system: System,
+    options: Options,
+    flight: Flight,
+    requirements: SizingRequirements,
+    progress: Callable[[str], None],
+) -> RodsAlone | None:
+    """Size the rods of a craft that dumps by thrusters, as if they were its only ones.
+
+    None for a craft without rods.
+    """
+    hardware = hardware_of(system)
+    if hardware.m_limit == 0.0 or not flight.b.any():
+        return None
+    progress("its rods alone")
+    source, skipped = read(target), list[str]()
+    terms = terms_of(flight.period, flight.b, wanted_attitude(system).kind != "nadir")
+    try:
+        laws = list(other_laws(source, options, terms, skipped))
+        _, rods = find_rods_of_laws(system, flight, laws, requirements)
+    except DesatError:
+        laws, rods = [], []
+    needs = [
+        (rod, law.name) for law, rod in zip(laws, rods, strict=True) if rod is not None
+    ]
+    needed, name = min(needs, default=(None, ""))
+    return RodsAlone(hardware.m_limit, needed, name)
 
 
 def _a_year_of(
@@ -454,6 +549,7 @@ class ThresholdLaw(NamedTuple):
     sample_time: float  # s
     aligned: float  # |h|_1 / |h| up to which a dump begins; 0: it does not wait
     longest_wait: float  # s
+    latest: float  # N m s, fill from which on no dump waits; inf: there is none
     block: ManagerThreshold  # the manager's block, set to dump at once
 
 
@@ -462,6 +558,7 @@ def _law_of(system: System) -> ThresholdLaw:
     manager = system.components["manager"]
     block, values = bare_block(manager), manager.values
     block.aligned, block.delay, block.wheel_sample_time = 0.0, 0.0, 0.0
+    block.latest = 0.0
     block.check()
     assert isinstance(block, ManagerThreshold)
     return ThresholdLaw(
@@ -473,6 +570,7 @@ def _law_of(system: System) -> ThresholdLaw:
         sample_time=float(values["sample_time"]),
         aligned=float(values["aligned"]),
         longest_wait=float(values["longest_wait"]),
+        latest=float(values["latest"]) or inf,
         block=block,
     )
 
@@ -667,19 +765,11 @@ def rates_of(
     )
 
 
-def _steady_along(
-    flight: Flight,
-    hardware: Hardware,
-    law: ThresholdLaw,
-    cost: Callable[[Array], float],
-    isp: float,
-    steady: Rates,
-) -> Rates:
+def _steady_along(along: Rates, steady: Rates) -> Rates:
     """Return the rates of dumps along a flight through them all.
 
     `steady` are those of days that repeat; fewer than two dumps give no other rate.
     """
-    along = rates_of(flight, hardware, law, cost, isp, steady.interval)
     return along if along.interval < inf else replace(steady, first=along.first)
 
 
@@ -716,7 +806,11 @@ def _rates_by_threshold(
         begin = share * capacity
         if begin <= 1.05 * law.end:
             continue
-        rates = rates_of(flight, hardware, law._replace(begin=begin), cost, isp)
+        # the same share of the room above `begin`
+        room = (law.latest - law.begin) / (capacity - law.begin)
+        latest = begin + room * (capacity - begin) if law.latest < inf else inf
+        other = law._replace(begin=begin, latest=latest)
+        rates = rates_of(flight, hardware, other, cost, isp)
         yield Threshold(begin, rates.a_week, rates.a_year)
 
 
@@ -830,7 +924,7 @@ def _course(
             if not dumps and begun >= 3.0 * span and _stays(flight, law, fill):
                 return
             continue
-        k = _begins(law, held, times[row:], int(np.argmax(full)))
+        k = _begins(law, held, fill, times[row:], int(np.argmax(full)))
         out = _taken(law, held[k], float(fill[k]), spread, target)
         if not out.any():
             return  # less than the shortest pulse
@@ -864,17 +958,18 @@ def _taken(
     return held - remaining
 
 
-def _begins(law: ThresholdLaw, held: Array, times: Array, due: int) -> int:
+def _begins(law: ThresholdLaw, held: Array, fill: Array, times: Array, due: int) -> int:
     """Return the row at which a dump begins that is due at row `due`.
 
     It begins at once, or where its momentum (rows, 3) lies near an axis, but at most
-    `longest_wait` later.
+    `longest_wait` later, and where the fill (rows,) is at `latest`.
     """
     if law.aligned == 0.0:
         return due
     last = int(np.searchsorted(times, times[due] + law.longest_wait, side="right"))
     waiting = held[due : max(last, due + 1)]
     lies = np.abs(waiting).sum(axis=1) <= law.aligned * np.linalg.norm(waiting, axis=1)
+    lies |= fill[due : due + len(waiting)] >= law.latest
     return due + (int(np.argmax(lies)) if lies.any() else len(waiting) - 1)
 
 
@@ -917,12 +1012,13 @@ def _problems(sizing: DumpSizing) -> Iterator[str]:
 def _notes(sizing: DumpSizing, requirements: SizingRequirements) -> Iterator[str]:
     """Yield a line for each limit of the results."""
     if requirements.flown and not sizing.loop:
-        first = (
-            format_duration(sizing.steady.first)
-            if sizing.steady.first < inf
-            else "never"
+        first = sizing.steady.first
+        when = (
+            f"the first dump comes after {format_duration(first)} (--stop flies it)"
+            if first < inf
+            else "there is no dump"
         )
-        yield f"the closed loop was not flown, the first dump is so far: {first} (--stop flies it)"
+        yield f"the closed loop was not flown: {when}; every number is the model's"
     dumps = sizing.loop.get("dumps")
     if sizing.loop and (dumps is None or dumps < 7):
         yield (

@@ -2,8 +2,9 @@
 
 No closed loop is flown. The environment's own block flies each orbit for a day at the
 attitude that one run has shown (`flight.py`), and the momentum-only model flies all
-dipoles and rods on it side by side. Compared with a closed loop this leaves out
-pointing errors, the drift of a settling craft, and noise.
+dipoles and rods on it side by side. Each dipole counts along the craft's own direction
+or against it, whichever is worse, because its sign is an assumption. Compared with a
+closed loop this leaves out pointing errors, the drift of a settling craft, and noise.
 """
 
 from __future__ import annotations
@@ -51,6 +52,7 @@ STEP = 10.0  # s, between the rows of an orbit
 SAMPLE = 30.0  # s: samples of a slow law that are closer are combined
 NODES = 120.0  # s, between the times at which the environment is evaluated
 DAY = 86400.0
+SIGNS = (1.0, -1.0)  # of a residual dipole
 _RODS = (0.5, 1.0, 1.5, 2.0, 4.0, 8.0)
 _INCLINATIONS = (10.0, 28.5, 51.6, 75.0, 97.5)
 _ALTITUDES = (350e3, 450e3, 550e3, 700e3, 900e3)
@@ -67,7 +69,7 @@ class MapAxes:
     inclinations: tuple[float, ...] = ()  # deg
     # m, of a circular orbit above the equatorial radius
     altitudes: tuple[float, ...] = ()
-    # A m2, size of the residual dipole, along the craft's own
+    # A m2, size of the residual dipole, along the craft's own or against it
     dipoles: tuple[float, ...] = ()
     laws: bool = False  # other laws than the craft's own fly too
 
@@ -274,7 +276,8 @@ def _fly(task: _Task) -> tuple[Array, Array]:
             rest = flight.disturbance
         else:
             rest = flight.disturbance - own_part
-        each = [rest + d / size * own_part for d in task.dipoles]
+        signed = [sign * d for d in task.dipoles for sign in SIGNS]
+        each = [rest + d / size * own_part for d in signed]
         able = reach(flight, hardware)
         leasts.append(
             [
@@ -289,9 +292,15 @@ def _fly(task: _Task) -> tuple[Array, Array]:
         fly(track, law, hardware, task.rods)
         for law, track in zip(task.laws, tracks, strict=True)
     ]
-    return np.array(leasts), np.array([np.stack(c[:4]) for c in results]).transpose(
-        1, 0, 2, 3, 4
-    )
+    tables = np.array([np.stack(c[:4]) for c in results]).transpose(1, 0, 2, 3, 4)
+    return _worse_of(np.array(leasts), 1), _worse_of(tables, 3)
+
+
+def _worse_of(values: Array, axis: int) -> Array:
+    """Return the larger of the values of each dipole along an axis and against it."""
+    shape = values.shape
+    pairs = (*shape[:axis], shape[axis] // len(SIGNS), len(SIGNS), *shape[axis + 1 :])
+    return np.asarray(values.reshape(pairs).max(axis=axis + 1))
 
 
 def _of_dipole(flight: Flight, dipole: Array) -> Array:

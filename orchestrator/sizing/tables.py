@@ -297,6 +297,10 @@ def tabulate_dumps(sizing: DumpSizing) -> Table:
             "N.m.s",
         ),
     ]
+    if sizing.rods is not None:
+        needed = sizing.rods.needed
+        text = "none do" if needed is None else share(needed, sizing.rods.has)
+        rows.append(("rods needed without thrusters", text, None, "A.m2"))
     if sizing.slew_momentum > 0.0:
         momentum = share(sizing.slew_momentum, sizing.capacity)
         torque = share(sizing.slew_torque, sizing.wheel_torque)

@@ -43,8 +43,11 @@ def bound(
     """
     from ...analyses.lower_bound import LowerBound
     from ...runs.bounds import bound as bound_of
+    from ...runs.progress import stages
 
-    manifest, least = bound_of(target, first)
+    with stages(not as_json) as progress:
+        progress("the run, and the least effort with which it could have done")
+        manifest, least = bound_of(target, first)
     if as_json:
         print_json({"scenario": manifest.scenario, **least.as_json()})
         return

@@ -127,10 +127,10 @@ def craft(
     and, with rods, detumbling and rollout, which run at once. What you do not say is
     typical of its class, and marked.
     """
-    from ...begin import craft as new_craft
     from ...begin.facts import CraftFacts
     from ...begin.orbits import doubts
     from ...files.paths import shown
+    from ...runs.new_craft import write_craft
 
     facts = CraftFacts(
         altitude,
@@ -159,8 +159,8 @@ def craft(
         sample,
     )
     command = shlex.join(["desat", *sys.argv[1:]])
-    written = new_craft.write(folder, facts, command, force)
-    warn([*doubts(facts), *_doubts_of(folder)])
+    written, warnings = write_craft(folder, facts, command, force)
+    warn([*doubts(facts), *warnings])
     if as_json:
         assumptions = [x._asdict() for x in written.assumptions]
         print_json(
@@ -179,16 +179,6 @@ def craft(
         highlight=False,
         markup=False,
     )
-
-
-def _doubts_of(folder: Path) -> list[str]:
-    """Return warnings on improbable values of a craft, as `check` and `run` do."""
-    from ...analyses import plausibility
-    from ...runs.prepare import resolved
-    from ...system.options import Options
-
-    system, _ = resolved(str(folder), Options())
-    return list(plausibility.warnings(system))
 
 
 @news.command(epilog=example("desat new law my_law"))
