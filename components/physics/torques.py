@@ -11,7 +11,8 @@ from ..contract.block import BlockError, Mat33, Table, Vec3
 from ..maths.vector import ZERO, cross, dot, mat_vec, norm, scale, sub, unit
 from .orbit import MU
 
-# N/m2, radiation pressure at 1 astronomical unit: 1367 W/m2 over the speed of light.
+# N/m2, radiation pressure at 1 astronomical unit: 1367 W/m2, the only solar constant here,
+# over the speed of light (Montenbruck & Gill, Satellite Orbits, sec. 3.4).
 SOLAR_PRESSURE = 4.56e-6
 
 # Columns of a plate table: outward normal (3), area (m2), centre (3, m), specular and

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from desat.components.contract.block import Block, BlockError
-from desat.components.maths.attitude import inverse, product
+from desat.components.maths.attitude import inverse, normalised, product
 from desat.components.physics.gyrostat import carrier_inertia
 from desat.components.physics.orbit import lvlh_attitude
 from desat.components.physics.rod import warm
@@ -432,7 +432,9 @@ def wanted_attitude(system: System) -> Attitude:
         )
     kind, name = guidance[model]
     x, y, z, w = guide.values[name]
-    return Attitude(kind, (x, y, z, w), 0.0)
+    if not any((x, y, z, w)):
+        raise DesatError(f"{system.name}: guidance: {name} is zero")
+    return Attitude(kind, normalised((x, y, z, w)), 0.0)
 
 
 def environment_block(component: Component, changes: Values | None = None) -> Block:

@@ -1,14 +1,15 @@
 """Compute the minimum firing time with which a dumping run could have done.
 
 This is `desat bound`, and of scenarios with `firing_bound` a number of each run: it is
-meant for an emptying of minutes, and may take longer than a flight of days. The true field and attitude of a run, and with them every
-external torque except those of torquers and thrusters, are taken as given. The total
-impulse that torquers and thrusters must give in an inertial frame then follows from the
-target momentum of the wheels at the end. The minimum firing time for it is one linear
-programme over the whole run (`components/laws/least_firing.py`). The programme knows
-the field in advance, fires no pulses, and holds dipoles and torques over each sample of
-the manager at their mean. No law with such samples needs less, except for the 0.01 rad
-that the body turns within a sample.
+meant for an emptying of minutes, and may take longer than a flight of days. The true
+field and attitude of a run, and with them every external torque except those of
+torquers and thrusters, are taken as given. The total impulse that torquers and
+thrusters must give in an inertial frame then follows from the target momentum of the
+wheels at the end. The minimum firing time for it is one linear programme over the whole
+run (`components/laws/least_firing.py`). The programme knows the field in advance, fires
+no pulses, and holds dipoles and torques over each sample of the manager at their mean.
+No law with such samples needs less, except for the 0.01 rad that the body turns within
+a sample.
 """
 
 from __future__ import annotations

@@ -45,6 +45,7 @@ LARGEST_COIL_POWER = 200.0  # W, each; the largest rods take some tens
 # share of a wheel's capacity below which a threshold is likely a wrong unit
 SMALLEST_THRESHOLD = 0.01
 LARGEST_TANK = 0.9  # share of the mass
+NO_TORQUE = 1e-15  # N m: below it a disturbance is rounding alone
 
 
 def problems(system: System) -> Iterator[str]:
@@ -68,7 +69,7 @@ def problems(system: System) -> Iterator[str]:
     if latest > 0.0 or room <= 0.0:
         return
     try:
-        rate = _growth(_orbit(system), wheels)
+        rate = _growth(orbit_flight(system), wheels)
     except (DesatError, BlockError):
         return  # attitude or environment are not known without a run
     wait, affordable = values["longest_wait"], room / max(rate, 1e-300)
@@ -218,7 +219,7 @@ def _orbit_momentum(system: System, wheels: WheelArray) -> Iterator[str]:
     if _most_in_an_orbit(system, craft) < HARMLESS * capacity:
         return
     try:
-        flight = _orbit(system)
+        flight = orbit_flight(system)
     except (DesatError, BlockError):
         return  # attitude or environment are not known without a run
     inverse = np.linalg.pinv(axes)
@@ -245,6 +246,21 @@ def _growth(flight: Flight, wheels: WheelArray) -> float:
     secular = (flight.disturbance[-1] - flight.disturbance[0]) / span
     along = rotate(flight.q, np.broadcast_to(secular, (len(flight.q), 3)))
     return float(np.abs(along @ np.linalg.pinv(wheels.axes).T).max())
+
+
+def mean_torque(system: System) -> float | None:
+    """Compute the mean size of the disturbance torque over an orbit (N m).
+
+    The craft is at its reference attitude; None where that or the environment is not
+    known without a run, or there is no torque.
+    """
+    try:
+        flight = orbit_flight(system)
+    except (DesatError, BlockError, KeyError):
+        return None
+    torque = np.diff(flight.disturbance, axis=0) / np.diff(flight.times)[:, None]
+    mean = float(np.linalg.norm(torque, axis=1).mean())
+    return mean if mean > NO_TORQUE else None
 
 
 def _most_in_an_orbit(system: System, craft: Component) -> float:
@@ -327,12 +343,12 @@ def _short_rows(system: System, table: Component) -> Iterator[str]:
             yield f"{line} a sample of {manager.name}, {sample:g} s: its law cannot follow it"
 
 
-#: Flights of `_orbit` by what they depend on: one command checks a craft many times.
+#: Flights of `orbit_flight` by what they depend on: one command checks a craft many times.
 _orbits: dict[Any, Flight] = {}
 _ORBITS_KEPT = 8
 
 
-def _orbit(system: System) -> Flight:
+def orbit_flight(system: System) -> Flight:
     """Fly an orbit, or a day in deep space, at the reference attitude, unmanaged."""
     roles = ("environment", "spacecraft", "guidance", "disturbance")
     components = [system.roles[role] for role in roles if role in system.roles]

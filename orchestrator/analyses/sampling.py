@@ -80,12 +80,12 @@ def _long_samples(system: System) -> Iterator[str]:
             if time > length:
                 yield f"{line} the run of {length:g} s: it samples once"
                 continue
-            orbit = _orbit_period(system)
+            orbit = orbit_period(system)
             if orbit is not None and time > LARGEST_ORBIT_SHARE * orbit:
                 yield f"{line} a tenth of the orbit of {orbit:.4g} s"
 
 
-def _orbit_period(system: System) -> float | None:
+def orbit_period(system: System) -> float | None:
     """Return the period of the orbit at the start (s), or None where it is not known."""
     environment = craft_of(system).environment
     if environment is None or environment.interface.model not in names():
@@ -111,7 +111,7 @@ def _own_fields(system: System) -> Iterator[OwnField]:
         is_known = coupling.any() and "axes_coil" in torquers.values
         if not is_known or torquers.interface.model not in names():
             continue
-        if (earth := _mean_field(system)) is None:
+        if (earth := mean_field(system)) is None:
             continue
         field = _largest_field(
             system, magnetometer, torquers, np.reshape(coupling, (3, 3))
@@ -119,9 +119,9 @@ def _own_fields(system: System) -> Iterator[OwnField]:
         yield OwnField(magnetometer, torquers, field, field / earth)
 
 
-def _mean_field(system: System) -> float | None:
+def mean_field(system: System) -> float | None:
     """Return the mean field (T) over an orbit, or None where it is none or not known."""
-    environment, period = craft_of(system).environment, _orbit_period(system)
+    environment, period = craft_of(system).environment, orbit_period(system)
     if environment is None or period is None:
         return None
     times = (system.start + np.linspace(0.0, period, ROWS)).tolist()
@@ -146,6 +146,13 @@ def _largest_field(
     block.m_cmd_body = tuple((block.m_limit * axes.sum(axis=1)).tolist())
     step = system.step * torquers.step_ratio
     period = magnetometer.values.get("sample_time", 0.0) or step
+    # a value that nobody samples does not count
+    readers = [
+        system.components[c.target].values.get("sample_time", 0.0)
+        for c in system.connections
+        if c.source == magnetometer.name and c.output_array == "b_body"
+    ]
+    period = max(period, min(readers, default=0.0))
     longest = max(period, block.sample_time)
     steps = min(MOST_STEPS, round(PERIODS * longest / step) + 1)
     dipoles = np.zeros(axes.shape[1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypedDict
@@ -35,7 +36,7 @@ class CraftFacts:
     panel: str | None = None
     sun: str | None = None
     secular: str | None = None
-    torque: str | None = None
+    torque: str | Sequence[str] | None = None
     propellant: str | None = None
     isp: str | None = None
     sample: str | None = None
@@ -64,7 +65,7 @@ class Facts(TypedDict, total=False):
     panel: str | None
     sun: str | None
     secular: str | None
-    torque: str | None
+    torque: str | Sequence[str] | None
     propellant: str | None
     isp: str | None
     sample: str | None

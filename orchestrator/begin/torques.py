@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from desat.components.blocks.disturbance_table import ROWS
 
-from ..files import io
+from ..files.columns import Row, read_columns
 from ..system.errors import DesatError
-from ..system.quantity import Quantity, is_float
+from ..system.quantity import Quantity
 from .facts import CraftFacts
 
 FRAMES = ("body", "lvlh", "eci")
 SECULAR = Quantity("--secular", "N.m", -1e4, 1e4, bare=False)
 
-Row = tuple[float, ...]  # time s, torque about x, y, z N m
+
+# s, N m: the columns of a file; `names` are other headings of theirs
+UNITS = {"t": "s", "x": "N.m", "y": "N.m", "z": "N.m"}
+NAMES = {
+    "t": ("time",),
+    **{axis: (f"t{axis}", f"tau_{axis}", f"torque_{axis}") for axis in "xyz"},
+}
 
 
 @dataclass(frozen=True)
@@ -43,16 +49,19 @@ class GivenTorque:
 
     @property
     def size(self) -> float:
-        """Return an estimate of the mean torque (N m).
+        """Return the size of the mean torque (N m).
 
-        It is the magnitude of the rows' mean plus that of the constant part.
+        Of a table in eci and a constant part in body, whose directions turn against
+        each other, it is the root of the sum of squares.
         """
-        table = np.array(self.rows)
-        constant = float(np.linalg.norm(self.constant))
-        if not self.repeated:
-            return float(np.linalg.norm(table[0, 1:])) + constant
-        impulse = np.trapezoid(table[:, 1:], table[:, 0], axis=0)
-        return float(np.linalg.norm(impulse) / (table[-1, 0] - table[0, 0])) + constant
+        table, constant = np.array(self.rows), np.array(self.constant)
+        mean = table[0, 1:]
+        if self.repeated:
+            impulse = np.trapezoid(table[:, 1:], table[:, 0], axis=0)
+            mean = impulse / (table[-1, 0] - table[0, 0])
+        if self.frame == "eci":
+            return float(np.hypot(np.linalg.norm(mean), np.linalg.norm(constant)))
+        return float(np.linalg.norm(mean + constant))
 
 
 def given_torque(facts: CraftFacts) -> GivenTorque | None:
@@ -61,22 +70,68 @@ def given_torque(facts: CraftFacts) -> GivenTorque | None:
     Raises
     ------
     DesatError
-        If the option or its file is invalid.
+        If an option or its file is invalid, or several files do not add up: they need
+        one frame and one duration.
     """
     steady = None if facts.secular is None else _secular(facts.secular)
-    if facts.torque is None:
+    if not facts.torque:
         return (
             None
             if steady is None
             else GivenTorque("--secular", "body", ((0.0, *steady),))
         )
-    name, _, frame = facts.torque.strip().rpartition(" ")
-    if not name or frame not in FRAMES:
-        name, frame = facts.torque.strip(), "body"
-    rows = read(Path(name))
+    texts = [facts.torque] if isinstance(facts.torque, str) else facts.torque
+    tables = [_table(text) for text in texts]
+    (frame, rows), *others = tables
+    for text, (other_frame, other_rows) in zip(texts[1:], others, strict=True):
+        if other_frame != frame:
+            raise DesatError(
+                f"--torque {text}: it is in {other_frame}, and --torque {texts[0]} in "
+                f"{frame}: torques of one frame add up"
+            )
+        rows = _sum_of(rows, other_rows, f"--torque {text}", f"--torque {texts[0]}")
     if steady is None:
         return GivenTorque("--torque", frame, rows)
     return GivenTorque("--torque and --secular", frame, rows, steady)
+
+
+def _table(text: str) -> tuple[str, tuple[Row, ...]]:
+    """Return frame and rows of a typed file."""
+    name, _, frame = text.strip().rpartition(" ")
+    if not name or frame not in FRAMES:
+        name, frame = text.strip(), "body"
+    return frame, read(Path(name))
+
+
+def _sum_of(
+    rows: tuple[Row, ...], others: tuple[Row, ...], place: str, first: str
+) -> tuple[Row, ...]:
+    """Add the torques of two tables, at the times of both.
+
+    Between its rows each torque is a straight line; one of a single row is constant.
+    """
+    one, two = np.array(rows), np.array(others)
+    if len(one) > 1 and len(two) > 1:
+        ends = [(table[0, 0], table[-1, 0]) for table in (one, two)]
+        if ends[0] != ends[1]:
+            raise DesatError(
+                f"{place}: it is from {ends[1][0]:g} to {ends[1][1]:g} s, and {first} "
+                f"from {ends[0][0]:g} to {ends[0][1]:g} s: tables that repeat together "
+                "have the same ends"
+            )
+    longer = [table[:, 0] for table in (one, two) if len(table) > 1] or [one[:1, 0]]
+    times = np.unique(np.concatenate(longer))
+    if len(times) > ROWS:
+        raise DesatError(
+            f"{place}: with {first} {len(times)} rows; {ROWS} are taken at most: thin it"
+        )
+    total = sum(
+        np.stack([np.interp(times, t[:, 0], t[:, k]) for k in (1, 2, 3)], axis=1)
+        for t in (one, two)
+    )
+    return tuple(
+        (t, *torque) for t, torque in zip(times.tolist(), total.tolist(), strict=True)
+    )
 
 
 def _secular(text: str) -> tuple[float, float, float]:
@@ -93,54 +148,24 @@ def _secular(text: str) -> tuple[float, float, float]:
 
 
 def read(file: Path) -> tuple[Row, ...]:
-    """Read the rows of a csv file; its first line may name the columns.
+    """Read the rows of a csv file; its first line may name columns and units.
 
     Raises
     ------
     DesatError
-        If a row is no four numbers, times do not increase, or there are no or too many
-        rows.
+        If a heading or a row is wrong, times do not increase, or there are no or too
+        many rows.
     """
     place = f"--torque {file}"
-    rows: list[Row] = []
-    for number, line in enumerate(io.text(file, place).splitlines(), 1):
-        if not line.strip() or line.lstrip().startswith("#"):
-            continue
-        row = _numbers(line)
-        if row is None and number == 1 and not _has_number(line):
-            continue  # a heading
-        if row is None:
+    rows = read_columns(file, place, UNITS, NAMES)
+    for before, row in pairwise(rows):
+        if row[0] <= before[0]:
             raise DesatError(
-                f"{place}:{number}: four numbers are needed, t in s and the torque "
-                f"about x, y, z in N m; got {line.strip()[:60]}"
+                f"{place}: its time {row[0]:g} s is not after that of the row before, "
+                f"{before[0]:g} s"
             )
-        if rows and row[0] <= rows[-1][0]:
-            raise DesatError(
-                f"{place}:{number}: its time {row[0]:g} s is not after that of the "
-                f"row before, {rows[-1][0]:g} s"
-            )
-        rows.append(row)
-    if not rows:
-        raise DesatError(f"{place}: there is no row of four numbers")
     if len(rows) > ROWS:
         raise DesatError(
             f"{place}: {len(rows)} rows; {ROWS} are taken at most: thin it"
         )
-    return tuple(rows)
-
-
-def _numbers(line: str) -> Row | None:
-    """Return the four finite numbers of a line, or None if it has others."""
-    try:
-        row = tuple(float(x) for x in line.replace(";", ",").split(","))
-    except ValueError:
-        return None
-    return row if len(row) == 4 and all(math.isfinite(x) for x in row) else None
-
-
-def _has_number(line: str) -> bool:
-    """Return whether a field of a line is a number, so that it is no heading.
-
-    nan and inf count as numbers.
-    """
-    return any(is_float(field) for field in line.replace(";", ",").split(","))
+    return rows

@@ -82,6 +82,9 @@ SCALARS = (
 )
 """Measures of one element."""
 
+OF_EVENTS = ("steps_in", "growth_between", "growth_each", "time_between")
+"""Measures between the events of a scalar that grows now and then: they need two."""
+
 OF_ENDS = (
     "last",
     "norm_last",

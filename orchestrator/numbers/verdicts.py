@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ..system.expression import factor
 from ..system.parameters import unit_of
 from ..system.typed import JsonObject
-from .measures import OF_ENDS
+from .measures import OF_ENDS, OF_EVENTS
 from .numbers import late
 from .text import Value, number
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ..language.content import Content
     from ..language.scenario import Requirement
 
+FEW_EVENTS = "fewer than two events"
 FEWEST_SAMPLES = 10  # of a number that a requirement is judged by
 
 
@@ -118,6 +119,8 @@ def _too_little(
         if number.measure in OF_ENDS:
             return ""
         return "1 sample" if samples == 1 else f"{samples} samples"
+    if number is not None and number.measure in OF_EVENTS:
+        return FEW_EVENTS
     if is_late and entry.max is not None:
         limit = entry.max * factor(unit_of(found.unit), "s", f"of {entry.number}")
         if end - start < limit * (1.0 - 1e-9):

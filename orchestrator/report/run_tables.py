@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ..analyses.manifest import Manifest
-from ..numbers.verdicts import Verdict
+from ..numbers.measures import OF_EVENTS
+from ..numbers.verdicts import FEW_EVENTS, Verdict
 from .table import ROW_UNIT, Cell, Column, Row, Table, or_not_reached
 
 
@@ -40,18 +41,41 @@ def tabulate_numbers(
     if required:
         columns.append(Column("required", ROW_UNIT, kind="text"))
     rows: list[Row] = []
+    too_few = _with_too_few_events(manifest)
     for name, value in manifest.numbers.items():
+        if name in too_few:
+            continue
         is_related = has_references and value.reference
         title = Cell(
             value.label, note=f"against {value.reference}" if is_related else ""
         )
         row = [title, *(_number(m, name) for m in manifests), value.unit]
         rows.append([*row, required.get(name)] if required else row)
-    for name, reason in manifest.not_checked.items():
+    reasons = dict(manifest.not_checked)
+    if too_few:
+        titles_without = [
+            f"{title[:1].lower()}{title[1:]}" if k else title
+            for k, title in enumerate(manifest.numbers[n].title for n in too_few)
+        ]
+        reasons[", ".join(titles_without)] = FEW_EVENTS
+    for name, reason in reasons.items():
+        if name in too_few:
+            continue
         row = [name, "not checked", *([None] if baseline else []), Cell(reason)]
         rows.append([*row, None] if required else row)
     has_header = len(manifests) > 1 or bool(required)
     return Table("", columns, rows, has_header=has_header)
+
+
+def _with_too_few_events(manifest: Manifest) -> list[str]:
+    """Return the numbers between events of which a run has fewer than two."""
+    return [
+        name
+        for name, number in manifest.content.numbers.items()
+        if number.measure in OF_EVENTS
+        and name in manifest.numbers
+        and manifest.numbers[name].value is None
+    ]
 
 
 def _number(manifest: Manifest, name: str) -> str | float | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from math import ceil, floor, inf, log10
+from math import ceil, floor, inf, log10, sqrt
 from typing import Any
 
 import numpy as np
@@ -42,6 +42,9 @@ LOOP_MULTIPLES = (1.3,)  # rods of the closed loop besides the recommended one
 LOOP_TRIES = 6  # flights of the worst scenario, with growing rods
 LOOP_STEP = 1.5  # growth factor where the model gives none
 GRID_SIZES = 60  # rods of a search by the model
+# Flights of a search by bisection, and factor between rods that suffice and do not, at
+# which it ends.
+TRIES, CLOSE = 8, 1.1
 
 
 def other_laws(
@@ -279,7 +282,7 @@ def find_rods_of_laws(
     flight: Flight,
     laws: Sequence[Law],
     requirements: SizingRequirements,
-) -> tuple[str, list[float | None]]:
+) -> tuple[WorstDay, list[float | None]]:
     """Return the smallest rods (A m2) of laws, on a flight and on the year's worst day.
 
     Parameters
@@ -293,8 +296,8 @@ def find_rods_of_laws(
 
     Returns
     -------
-    day
-        Date of the worst day.
+    hardest
+        The worst day.
     rods
         Those of each law; None: none holds.
 
@@ -318,7 +321,49 @@ def find_rods_of_laws(
         rods.append(
             find_rod_for_year(day, hardest, law, hardware, requirements, OTHERS_STEP)
         )
-    return hardest.day, rods
+    return hardest, rods
+
+
+def find_rod_by_flights(
+    source: Target,
+    options: Options,
+    hardest: WorstDay,
+    requirements: SizingRequirements,
+) -> float | None:
+    """Return the smallest rod (A m2) with which the closed loop holds the worst day.
+
+    Duty and wheels have to be as the requirements say. The rod is found by bisection, to
+    a factor of `CLOSE`; None: none of TRIES flights holds.
+    """
+    system, _ = prepare(source, options).or_raise()
+    hardware = hardware_of(system)
+    rod = floor_rod = requirements.margin * hardest.least
+    too_small, enough = 0.0, inf
+    for _ in range(TRIES):
+        run = _with_rods(source, options, rod, begin=float(hardest.flight.times[0]))
+        if run.ok and _is_enough(run, hardware, rod, requirements):
+            enough = rod
+        else:
+            too_small = rod
+        if enough <= floor_rod or enough <= CLOSE * too_small:
+            break
+        rod = LOOP_STEP * rod if enough == inf else sqrt(too_small * enough)
+    return None if enough == inf else round_up(enough)
+
+
+def _is_enough(
+    run: Run, hardware: Hardware, rod: float, requirements: SizingRequirements
+) -> bool:
+    """Return whether a run with a rod (A m2) keeps duty and wheels within requirements."""
+    with run.results as results:
+        wheels = results.values("wheels.h_wheel")
+        m = results.values("torquers.m_mean_body")
+        counts = useful(results.values("environment.b_eci")[: len(m)])
+    coils = m @ np.linalg.pinv(hardware.axes_coil).T
+    duty = float(np.abs(coils[: len(counts)][counts]).mean()) / rod
+    fullest = float(np.abs(wheels[len(wheels) // 2 :]).max())
+    holds = fullest * requirements.margin <= smallest_wheel_capacity(hardware)
+    return holds and duty <= requirements.duty
 
 
 def find_rod_for_worst(
@@ -471,14 +516,21 @@ def _with_rods(
     options: Options,
     rod: float,
     more: Callable[[System], Iterable[str]] = lambda system: (),
+    begin: float | None = None,
 ) -> Run:
-    """Run with rods of a size (A m2), recording the series of a flight and `more`."""
+    """Run with rods of a size (A m2), recording the series of a flight and `more`.
+
+    The run is as long as the scenario, from `begin` (s) on; None: from its start.
+    """
     plain, _ = prepare(source, options).or_raise()
     values = {**options.values, "torquers.m_limit": rod}
     if "m_limit" in plain.components["manager"].interface.signals:
         values["manager.m_limit"] = rod
     case = prepare(source, replace(options, values=values))
     system, _ = case.or_raise()
+    if begin is not None:
+        later = replace(system, start=begin, stop=begin + system.steps * system.step)
+        case = replace(case, checked=replace(case.checked, system=later))
     record = tuple(sorted({*series_for(system), *more(system)}))
     return simulate(
         replace(case, options=replace(case.options, record=record, every=1))

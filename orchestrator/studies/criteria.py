@@ -7,7 +7,7 @@ begin half full.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,9 +36,8 @@ TORQUE, FIRING = "thrusters.tau_mean_thruster_body", "thrusters.on_time"
 RECORDED = (*ORBIT, REFERENCE, DIPOLE, ENERGY, TORQUE, FIRING)
 START = "wheels.h_start_wheel"  # momentum of the wheels at the start
 HALF = 0.5  # fill of the fullest wheel from which the emptying is timed
-# Fill (%) below which wheels count as empty, or the largest fill of the compared laws if
-# that is larger; above FULLEST the time to empty them says nothing.
-EMPTY, FULLEST = 10.0, 45.0
+EMPTY = 10.0  # %: fill of the fullest wheel below which wheels count as empty
+ALIKE = 0.02  # relative difference of a criterion up to which laws count as alike
 # Fill (%) up to which three quarters of a wheel are free.
 AT_EASE = 25.0
 
@@ -189,25 +188,15 @@ def half_full(system: System) -> list[float] | None:
     return [HALF * float(x) / fullest for x in h]
 
 
-def level_of(peaks: Iterable[float]) -> float | None:
-    """Return the fill (%) below which wheels count as empty, by the laws' own peaks.
-
-    None where half-full wheels would hardly be emptied to it.
-    """
-    finite = [x for x in peaks if np.isfinite(x)]
-    level = max([EMPTY, *finite])
-    return level if finite and level <= FULLEST else None
-
-
-def time_to_empty(manifest: Manifest, results: Results, level: float) -> float:
-    """Return the time (min) until the fullest wheel is below a level (%).
+def time_to_empty(manifest: Manifest, results: Results) -> float:
+    """Return the time (min) until the fullest wheel is filled to `EMPTY` %.
 
     It is infinite where that does not happen, and NaN where the fill is not known.
     """
     fill = management.fill(manifest, results)
     if fill is None:
         return np.nan
-    below = np.flatnonzero(fill <= level)
+    below = np.flatnonzero(fill <= EMPTY)
     times = results.times()
     return float(times[below[0]] - times[0]) / 60.0 if len(below) else np.inf
 
@@ -215,9 +204,11 @@ def time_to_empty(manifest: Manifest, results: Results, level: float) -> float:
 def beats(one: Sequence[float], other: Sequence[float]) -> bool:
     """Return whether one law is as good in all criteria and better in one.
 
-    A criterion that is not known (NaN) for one of them does not count.
+    Values that differ by less than `ALIKE` are as good as each other. A criterion that
+    is not known (NaN) for one of them does not count.
     """
     both = [
         (a, b) for a, b in zip(one, other, strict=True) if not np.isnan([a, b]).any()
     ]
-    return all(a <= b for a, b in both) and any(a < b for a, b in both)
+    as_good = all(a <= b * (1.0 + ALIKE) for a, b in both)
+    return as_good and any(a * (1.0 + ALIKE) < b for a, b in both)

@@ -12,6 +12,7 @@ import tempfile
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import pi
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -20,6 +21,8 @@ import numpy as np
 
 from desat.components.blocks.disturbance_table import ROWS
 
+from ..analyses.plausibility import mean_torque
+from ..analyses.sampling import mean_field, orbit_period
 from ..campaign.draws import RunRow, rows_of
 from ..files.io import replace_text
 from ..language.content import content_of
@@ -29,6 +32,7 @@ from ..report.table import Column, Row, Table
 from ..runs.prepare import Target, prepare, read
 from ..runs.run import Options, simulate
 from ..system import discovery
+from ..system.craft import craft_of
 from ..system.errors import DesatError, nearest
 from ..system.model import System
 from ..system.typed import JsonObject
@@ -39,6 +43,7 @@ from .sampled_laws import JudgedSample
 
 NOMINAL = "nominal"  # name of the flight without a fault
 PEAK = "peak"
+SAME = 1e-3  # relative difference of a number up to which a fault has not moved it
 CRAFT, COMPONENTS = "craft.toml", "[components]\n"
 TORQUE_INPUT = "tau_ext_body"  # of a spacecraft, for torques of other components
 
@@ -90,12 +95,14 @@ class Outcome:
     failed: int
     median: float | None  # None: not reached, or not known
     reasons: tuple[str, ...]
+    has_effect: bool = True  # False: no number of a sample differs from that without it
 
     @property
     def text(self) -> str:
         """Return the samples that failed and the median of the others."""
         middle = "" if self.median is None else f"{number(self.median)}; "
-        return f"{middle}{self.failed} of {self.count} fail"
+        effect = "" if self.has_effect else "; no effect"
+        return f"{middle}{self.failed} of {self.count} fail{effect}"
 
 
 @dataclass(frozen=True, repr=False)
@@ -214,6 +221,9 @@ def chosen(names: Sequence[str]) -> list[Fault]:
 def changes_of(fault: Fault, system: System) -> dict[str, Any] | str:
     """Return the values that a fault gives a system, or why it does not apply."""
     table = fault.table
+    unit = unit_of_fault(fault, system)
+    if unit is None:
+        return f"its {table['unit'].replace('_', ' ')} is not known, or 0"
     values: dict[str, Any] = {}
     lacking: list[str] = []
     names = {
@@ -226,7 +236,7 @@ def changes_of(fault: Fault, system: System) -> dict[str, Any] | str:
         if now is None:
             lacking.append(f"it has no {name}")
         elif name in table.get("set", {}):
-            values[name] = amount
+            values[name] = amount if unit == 1.0 else (unit * np.array(amount)).tolist()
         elif name in table.get("sample", {}):
             values[name] = _value_of(system, amount)
         elif not np.any(now):
@@ -236,6 +246,24 @@ def changes_of(fault: Fault, system: System) -> dict[str, Any] | str:
     if lacking and not (table.get("any") and values):
         return "; ".join(lacking)
     return values
+
+
+def unit_of_fault(fault: Fault, system: System) -> float | None:
+    """Return what the sizes of a fault are multiplied by, in SI; None: not known, or 0."""
+    name = fault.table.get("unit")
+    if name is None:
+        return 1.0
+    if name == "mean_torque":
+        return mean_torque(system)
+    if name == "orbit_rate":
+        period = orbit_period(system)
+        return None if period is None else 2.0 * pi / period
+    field = mean_field(system)
+    if name == "field" or field is None:
+        return field
+    coils = craft_of(system).coils
+    dipole = 0.0 if coils is None else float(np.max(coils.values.get("m_limit", 0.0)))
+    return field / dipole if dipole > 0.0 else None
 
 
 def _value_of(system: System, name: str) -> Any:
@@ -397,11 +425,34 @@ def _table(
 ) -> dict[str, tuple[Fault, tuple[Outcome, ...]]]:
     """Summarise the samples of all flights: name of a fault -> it and its outcomes."""
     table: dict[str, tuple[Fault, tuple[Outcome, ...]]] = {}
+    nominal = {
+        flight.contender.label: of_flight
+        for flight, of_flight in zip(flights, rows, strict=True)
+        if flight.fault.name == NOMINAL
+    }
     for flight, of_flight in zip(flights, rows, strict=True):
         _, before = table.get(flight.fault.name, (flight.fault, ()))
         outcome = _outcome(of_flight, measured, limits)
+        if flight.fault.name != NOMINAL:
+            without = nominal[flight.contender.label]
+            outcome = replace(outcome, has_effect=_differ(of_flight, without))
         table[flight.fault.name] = flight.fault, (*before, outcome)
     return table
+
+
+def _differ(rows: Sequence[RunRow], others: Sequence[RunRow]) -> bool:
+    """Return whether a number of a sample differs from that of the same sample."""
+    for row, other in zip(rows, others, strict=False):
+        if row.status != other.status or row.unmet != other.unmet:
+            return True
+        for name, value in row.numbers.items():
+            before = other.numbers.get(name)
+            if value is None or before is None:
+                if value is not before:
+                    return True
+            elif abs(value - before) > SAME * max(abs(value), abs(before)):
+                return True
+    return False
 
 
 def _is_worse(outcomes: Sequence[Outcome]) -> bool:
@@ -539,12 +590,18 @@ def _with_fault(
     except DesatError as error:  # as an inertia that no body has
         return str(error).splitlines()[0]
     if added := fault.table.get("component"):
-        return _with_component(fault, contender.source, added, folder)
+        return _with_component(
+            fault, contender.source, contender.options, added, folder
+        )
     return target, values
 
 
 def _with_component(
-    fault: Fault, source: Target, added: Mapping[str, str], folder: Path
+    fault: Fault,
+    source: Target,
+    options: Options,
+    added: Mapping[str, str],
+    folder: Path,
 ) -> tuple[str, dict[str, Any]] | str:
     """Write a copy of a craft with a component more into `folder`.
 
@@ -578,7 +635,12 @@ def _with_component(
     unwired = re.compile(rf'^"\w+\.{TORQUE_INPUT}" = false\n', re.MULTILINE)
     text = unwired.sub("", text)  # a craft on which no such torque acts
     replace_text(folder / CRAFT, text.replace(COMPONENTS, more, 1))
-    rows = [x for row in fault.table["table"] for x in row]
+    torque = unit_of_fault(fault, prepare(source, options).or_raise()[0])
+    rows = [
+        x
+        for time, *torques in fault.table["table"]
+        for x in (time, *((torque or 0.0) * np.array(torques)).tolist())
+    ]
     changes: dict[str, Any] = {
         f"{name}.torque": rows + [0.0] * (4 * ROWS - len(rows)),
         f"{name}.between": "hold",

@@ -44,7 +44,7 @@ from ..sizing.compatibility import (
 )
 from ..sizing.law import UnsuitedError, law_of
 from ..sizing.requirements import SizingRequirements
-from ..sizing.rods import find_rods_of_laws
+from ..sizing.rods import CLOSE, find_rod_by_flights, find_rods_of_laws
 from ..system.errors import DesatError, RunError
 from ..system.model import System
 from ..system.typed import JsonObject
@@ -53,6 +53,7 @@ from .criteria import (
     AT_EASE,
     CRITERIA,
     DIPOLE,
+    EMPTY,
     ORBIT,
     RECORDED,
     STANDARD,
@@ -61,7 +62,6 @@ from .criteria import (
     Criterion,
     beats,
     half_full,
-    level_of,
     measured_run,
     time_to_empty,
 )
@@ -389,23 +389,18 @@ class _Measured:
 
     def _emptying(self) -> list[float]:
         """Fly each law with half-full wheels and return the times (min) to empty them."""
-        level = level_of(self.column(CRITERIA["peak"]))
         start = half_full(prepare(self._source, self._laws[0].options).or_raise()[0])
-        if level is None or start is None:
+        if start is None:
             return [np.nan] * len(self._laws)
-        self.notes.append(f"empty: every wheel below {number(level)} % of its capacity")
+        self.notes.append(f"empty: every wheel below {number(EMPTY)} % of its capacity")
         times = []
         for law, run_of_law in zip(self._laws, self._runs, strict=True):
             self._progress(f"{law.name} from half-full wheels")
-            run = self._from_half_full(law, start, run_of_law.manifest.substeps, level)
-            times.append(
-                time_to_empty(run.manifest, run.results, level) if run.ok else np.inf
-            )
+            run = self._from_half_full(law, start, run_of_law.manifest.substeps)
+            times.append(time_to_empty(run.manifest, run.results) if run.ok else np.inf)
         return times
 
-    def _from_half_full(
-        self, law: Fitting, start: list[float], substeps: int, level: float
-    ) -> Run:
+    def _from_half_full(self, law: Fitting, start: list[float], substeps: int) -> Run:
         """Fly a law with half-full wheels, for an orbit if they are emptied in that."""
         values = {**law.options.values, START: start}
         options = replace(law.options, values=values, substeps=substeps)
@@ -415,39 +410,52 @@ class _Measured:
             step = first.manifest.step
             end = first.manifest.start + step * round(orbit / step)
             run = _fly(prepare(self._source, replace(options, stop=end)))
-            if run.ok and np.isfinite(time_to_empty(run.manifest, run.results, level)):
+            if run.ok and np.isfinite(time_to_empty(run.manifest, run.results)):
                 return run
         return _fly(case)
 
     def _torquers(self) -> list[float]:
-        """Return the least coils (A m2) on the worst day by the momentum-only model."""
+        """Return the least coils (A m2) on the worst day.
+
+        They are found by the momentum-only model, or by flights of a law that it lacks.
+        """
         system, _ = prepare(self._source, self._laws[0].options).or_raise()
         if "torquers" not in system.components:
             return [np.nan] * len(self._laws)
         self._progress("the worst day of the year")
-        models, without = {}, []
+        requirements = SizingRequirements()
+        models, without = {}, list[Fitting]()
         for law in self._laws:
             flying, _ = prepare_with(self._source, law).or_raise()
             try:
                 models[law.name] = law_of(flying.components[ROLE])
             except UnsuitedError:
-                without.append(law.name)
+                without.append(law)
         try:
             flight = flight_of(system, self._runs[0].results)
-            day, rods = find_rods_of_laws(
-                system, flight, list(models.values()), SizingRequirements()
+            hardest, rods = find_rods_of_laws(
+                system, flight, list(models.values()), requirements
             )
         except DesatError as error:
             self.notes.append(f"no least torquer: {error}")
             return [np.nan] * len(self._laws)
-        self.notes.append(
-            f"the worst day is {day}; the model of `desat size` has {_but(without)}"
-        )
         found = dict(zip(models, rods, strict=True))
-        return [
-            np.nan if law.name not in found else _or_infinite(found[law.name])
-            for law in self._laws
-        ]
+        for law in without:
+            self._progress(f"{law.name} on the worst day, rods by bisection")
+            found[law.name] = find_rod_by_flights(
+                self._source, law.options, hardest, requirements
+            )
+        names_without = [law.name for law in without]
+        self.notes.append(
+            f"the worst day is {hardest.day}; the model of `desat size` has "
+            f"{_but(names_without)}"
+        )
+        if without:
+            self.notes.append(
+                f"least torquer of {', '.join(names_without)}: by flights of that day, to "
+                f"{100.0 * (CLOSE - 1.0):.0f} %"
+            )
+        return [_or_infinite(found[law.name]) for law in self._laws]
 
 
 def _but(names: Sequence[str]) -> str:

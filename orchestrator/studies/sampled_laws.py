@@ -25,11 +25,11 @@ from ..system.errors import DesatError
 from ..system.typed import JsonObject
 from .criteria import (
     CRITERIA,
+    EMPTY,
     STANDARD,
     START,
     Criterion,
     half_full,
-    level_of,
     measured_run,
     time_to_empty,
 )
@@ -49,12 +49,12 @@ class JudgedSample(SourceReader):
         draw: int | None,
         names: tuple[str, ...],
         changes: Mapping[str, Any],
-        level: float | None = None,
+        is_emptied: bool = False,
     ) -> RunRow:
         """Fly a sample and measure it by the criteria of these names.
 
         With `draw` None nothing is drawn. `changes` are values that replace drawn ones.
-        With `level` (%) only the time until the wheels are below it is measured.
+        If `is_emptied`, only the time until the wheels are empty is measured.
         """
         source = self.source(target)
         is_own = not any(text.startswith(f"{ROLE}=") for text in options.sources)
@@ -64,8 +64,8 @@ class JudgedSample(SourceReader):
         def look(run: Run) -> None:
             """Measure the run before its results are closed."""
             not_met.extend(run.manifest.not_met)
-            if level is not None:
-                time = time_to_empty(run.manifest, run.results, level)
+            if is_emptied:
+                time = time_to_empty(run.manifest, run.results)
                 measures[EMPTYING] = time if np.isfinite(time) else None
                 return
             seen = measured_run(run.manifest, run.results) if names else None
@@ -227,7 +227,10 @@ def rank_samples(
     source, tell = read(target), progress or (lambda text: None)
     chosen = list(criteria or map(CRITERIA.__getitem__, STANDARD))
     if criteria and "torquer" in [c.name for c in criteria]:
-        raise DesatError("--by torquer: it is of a craft, not of samples: without -n")
+        raise DesatError(
+            "--by torquer: the least torquer is found once for a craft, not for each "
+            "sample: leave -n out"
+        )
     if not content_of(source.to_draw(options.blocks).about).dispersions:
         raise DesatError(
             f"{target}: it has no [dispersions], so there is nothing to sample"
@@ -252,16 +255,9 @@ def rank_samples(
         target, found, count, seed, jobs, progress is not None, (names, {})
     )
     start = half_full(system)
-    level = level_of(
-        np.median(
-            [row.numbers["peak"] for row in rows if row.numbers.get("peak") is not None]
-            or [np.inf]
-        )
-        for rows in flights
-    )
     emptied: list[list[RunRow]] = [[] for _ in found]
-    if EMPTYING in [c.name for c in chosen] and start is not None and level is not None:
-        notes.append(f"empty: every wheel below {number(level)} % of its capacity")
+    if EMPTYING in [c.name for c in chosen] and start is not None:
+        notes.append(f"empty: every wheel below {number(EMPTY)} % of its capacity")
         emptied = _fly_all(
             target,
             found,
@@ -269,7 +265,7 @@ def rank_samples(
             seed,
             jobs,
             progress is not None,
-            ((), {START: start}, level),
+            ((), {START: start}, True),
         )
         of_flights = (*of_flights, EMPTYING)
     elif EMPTYING in [c.name for c in criteria]:

@@ -104,10 +104,11 @@ def craft(
         ),
     ] = None,
     torque: Annotated[
-        str | None,
+        list[str] | None,
         typer.Option(
             help='A csv of t (s) and torque about x, y, z (N m), as --secular: "FILE body", or '
-            "lvlh, eci; repeated."
+            "lvlh, eci; it repeats from its end on. A heading may name columns and units, as "
+            "t [ms], x [mN m]. Several add up."
         ),
     ] = None,
     residual_dipole: Annotated[str | None, typer.Option(help="0.05 (A m2).")] = None,
