@@ -214,6 +214,94 @@ def test_filter_finds_a_dead_and_a_turned_coil() -> None:
     assert np.linalg.eigvalsh(0.5 * (matrix + matrix.T)).min() > -1e-12
 
 
+def a_filter(
+    seed: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.random.Generator]:
+    """Return x, P (correlated) and effects (3 x CAUSES) of a filter."""
+    random = np.random.default_rng(seed)
+    x = np.array(learning.first_state((0.1, -0.2, 0.3)))
+    x += 0.01 * random.normal(size=learning.STATES)
+    x[learning.COILS : learning.WAVES] = 0.5
+    root = 0.01 * random.normal(size=(learning.STATES, learning.STATES))
+    effects = 0.1 * random.normal(size=(3, learning.CAUSES))
+    return x, root @ root.T, effects, random
+
+
+def table(a: np.ndarray) -> tuple[float, ...]:
+    return tuple(a.ravel().tolist())
+
+
+@pytest.mark.parametrize("doubted", [-1, learning.COILS + 2, learning.THRUSTERS])
+def test_an_update_is_that_of_a_kalman_filter(doubted: int) -> None:
+    """By numpy, all three axes at once; x stays within the limits of e and f."""
+    x, p, effects, random = a_filter(4)
+    deviations = np.abs(random.normal(size=learning.STATES)) * 1e-2
+    errors = 1e-3 * random.normal(size=(3, 3))
+    measured = np.array([0.12, -0.19, 0.31])
+    noise, walk, drift = 2e-2, 3e-3, 0.1
+    found, covariance, worst = learning.update(
+        table(x),
+        table(p),
+        tuple(measured),
+        table(effects),
+        noise,
+        walk,
+        tuple(tuple(e) for e in errors.tolist()),  # type: ignore[arg-type]
+        table(deviations),
+        drift,
+        doubted,
+    )
+    prior = p.copy()
+    if doubted >= 0:
+        prior[doubted, doubted] += learning.SPREAD_ACTUATOR**2
+    prior[3:, 3:] += np.diag((drift * deviations[3:]) ** 2)
+    f = np.eye(learning.STATES)
+    f[:3, 3:] = effects
+    prior = f @ prior @ f.T
+    prior[:3, :3] += walk**2 * np.eye(3) + errors.T @ errors
+    gain = prior[:, :3] @ np.linalg.inv(prior[:3, :3] + noise**2 * np.eye(3))
+    innovation = measured - (f @ x)[:3]
+    assert found == pytest.approx(f @ x + gain @ innovation, abs=1e-12)
+    expected = prior - gain @ prior[:3]
+    assert np.reshape(covariance, prior.shape) == pytest.approx(expected, abs=1e-12)
+    seen = learning.innovation(table(x), tuple(measured), table(effects))
+    assert seen == pytest.approx(tuple(innovation), abs=1e-15)
+    assert worst >= innovation[0] ** 2 / (prior[0, 0] + noise**2) * (1.0 - 1e-9)
+
+
+def test_the_deviation_along_an_axis_leaves_out_what_is_known() -> None:
+    _, p, effects, _ = a_filter(7)
+    axis, excluded = np.array([0.6, 0.0, -0.8]), learning.COILS + 1
+    along = np.concatenate([axis, axis @ effects])
+    along[excluded] = 0.0
+    found = learning.deviation_along(
+        table(p), table(effects), tuple(axis), excluded, 0.02
+    )
+    assert found == pytest.approx(math.sqrt(along @ p @ along + 0.02**2), rel=1e-12)
+    negative = table(-np.eye(learning.STATES))
+    indefinite = learning.deviation_along(
+        negative, table(effects), (1, 0, 0), excluded, 0.0
+    )
+    assert indefinite == 0.0
+
+
+def test_a_measurement_anew_forgets_momentum_alone() -> None:
+    _, p, _, _ = a_filter(8)
+    found = np.reshape(learning.forgotten(table(p), 0.02), p.shape)
+    expected = p.copy()
+    expected[:3], expected[:, :3] = 0.0, 0.0
+    expected[:3, :3] = 0.02**2 * np.eye(3)
+    assert np.array_equal(found, expected)
+
+
+def test_known_torques_are_the_constant_and_the_periodic_ones() -> None:
+    """Gravity (3), dipole (10 to 12) and actuators (13 to 19) are none of them."""
+    x = [100.0] * learning.STATES
+    x[4:7], x[7:10] = [3.0, 0.0, 4.0], [0.0, 5.0, 12.0]
+    x[20:23], x[23:26] = [8.0, 15.0, 0.0], [20.0, 0.0, 21.0]
+    assert learning.known_torque(tuple(x)) == 5.0 + 13.0 + 17.0 + 29.0
+
+
 CHANGES = {"coil": 1.0, "steady": 2.0}
 
 
