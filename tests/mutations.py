@@ -186,7 +186,7 @@ VERDICTS = {
     "campaign/spread.py": ("not_reached_text", "spreads"),
     "runs/run.py": ("ok", "code", "or_raise", "_measure", "_cut_short"),
     "engine/child.py": ("apart", "stopped"),
-    "runs/step_case.py": ("stepped", "_add"),
+    "runs/step_case.py": ("step", "_add"),
     "runs/stopping.py": ("met", "_reaches", "watch"),
     "papers/comparison.py": ("band_of", "_row", "share_of"),
     "papers/tables.py": ("_single",),
