@@ -102,6 +102,21 @@ def test_torques_in_pulses_are_added_to_a_copy_of_the_craft(craft):
     assert {p.name: p.read_text() for p in craft.glob("*.toml")} == before
 
 
+def test_torques_in_pulses_are_those_of_their_table(craft, tmp_path):
+    (fault,) = faults.chosen(["pulses"])
+    ((name, block),) = fault.table["component"].items()
+    added = fault.table["component"]
+    folder = tmp_path / "copy"
+    source = read(str(craft))
+    target, values = faults._with_component(fault, source, added, folder)
+    rows = [x for row in fault.table["table"] for x in row]
+    assert values[f"{name}.torque"][: len(rows)] == rows
+    assert not any(values[f"{name}.torque"][len(rows) :])
+    assert (values[f"{name}.between"], values[f"{name}.repeated"]) == ("hold", True)
+    assert f'{name} = "{block}"' in (folder / "craft.toml").read_text()
+    assert target.startswith(str(folder))
+
+
 def test_a_sample_that_never_ends_fails(desat):
     """What the scenario measures the time of is not reached."""
     target = "hausat2/detumbling-b-dot"

@@ -582,6 +582,11 @@ def test_rate_and_field_walk_with_the_root_of_time() -> None:
     assert found == pytest.approx(np.diag(variances), rel=1e-12, abs=0.0)
 
 
+# kg m2: bounds of random moments and products, some of which belong to a body
+RANDOM_LEAST = (0.3, 0.3, 0.3, -0.8, -0.8, -0.8)
+RANDOM_MOST = (1.5, 1.5, 1.5, 0.8, 0.8, 0.8)
+
+
 @pytest.mark.parametrize(
     "elements",
     [
@@ -592,6 +597,7 @@ def test_rate_and_field_walk_with_the_root_of_time() -> None:
         (1.0, 2.0, 1.0, 0.0, 1.1, 0.0),
         (1.0, 1.0, 2.0, 0.0, 0.0, 1.5),
         (-1.0, -1.0, 1.0, 0.0, 0.0, 0.0),
+        *np.random.default_rng(5).uniform(RANDOM_LEAST, RANDOM_MOST, (40, 6)).tolist(),
     ],
 )
 def test_an_inertia_is_sound_where_its_eigenvalues_are_positive(elements) -> None:
@@ -599,6 +605,32 @@ def test_an_inertia_is_sound_where_its_eigenvalues_are_positive(elements) -> Non
     matrix = np.reshape(craft_filter.carrier_of(tuple(state)), (3, 3))
     is_positive = bool((np.linalg.eigvalsh(matrix) > 0.0).all())
     assert craft_filter._is_sound(state, [0.0] * 576) is is_positive
+
+
+@pytest.mark.parametrize("is_of_rate", [True, False])
+def test_a_measurement_corrects_as_a_kalman_filter(is_of_rate: bool) -> None:
+    """By numpy: the rate at once, the field by axis with its variance underweighted."""
+    random = np.random.default_rng(6)
+    x, root = random.normal(size=24), 0.1 * random.normal(size=(24, 24))
+    dipole, noise = (0.2, -0.3, 0.1), 0.3
+    seen = (0.5, -0.4, 0.3)
+    passed = craft_filter.Passed(1.0, dipole, ZERO, ZERO, seen, seen, noise)
+    state, covariance = x.tolist(), (root @ root.T).ravel().tolist()
+    p, more = root @ root.T, 0.0 if is_of_rate else craft_filter.UNDERWEIGHT
+    if is_of_rate:
+        craft_filter._correct_rate(state, covariance, passed, True)
+    else:
+        craft_filter._correct(state, covariance, passed, noise, True)
+    for axis in range(3):
+        c = np.zeros(24)
+        c[axis if is_of_rate else 3 + axis] = 1.0
+        if not is_of_rate:
+            c[15 + 3 * axis : 18 + 3 * axis] = dipole
+        variance = (1.0 + more) * (c @ p @ c) + noise**2
+        x = x + p @ c * (seen[axis] - c @ x) / variance
+        p = p - np.outer(p @ c, c @ p) / variance
+    assert state == pytest.approx(x.tolist(), rel=1e-9, abs=1e-12)
+    assert np.reshape(covariance, (24, 24)) == pytest.approx(p, rel=1e-9, abs=1e-12)
 
 
 def test_a_constant_is_held_within_four_deviations() -> None:

@@ -112,6 +112,31 @@ def test_a_rotor_above_its_limit_brakes_to_it_with_the_torque_limit(way):
     assert integral == pytest.approx(way * (braked + held), rel=1e-12)
 
 
+def test_a_motor_that_ends_its_command_may_reach_the_limit():
+    """From 5 rad/s to 6 by what is left of 0.05 N m, which decays with 1 s."""
+    j, fastest, torque = 2e-3, 6.0, 0.05
+    motor = (j, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.1)
+    rotor = (j * 5.0, torque, 0.0, 0.0)
+    (h, *_), integral = step(motor, rotor, 0.0, 0.0, 0.0, 1.0, fastest)
+    met = -math.log(1.0 - j / torque)
+    before = j * 5.0 * met + torque * (met - j / torque)
+    assert h == pytest.approx(j * fastest, rel=1e-12)
+    assert integral == pytest.approx(before + j * fastest * (1.0 - met), rel=1e-9)
+
+
+def test_a_limit_is_met_by_a_motor_that_turns_back_within_the_step():
+    """Its speed would pass the limit by 0.67 rad/s, and is far below it at the end."""
+    motor = (2e-3, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.1)
+    fine = (2e-3 * 50.0, 0.05, 0.0, 0.0)
+    once, _ = step(motor, fine, -0.05, 0.0, 0.0, 4.0, 57.0)
+    free, _ = step(motor, fine, -0.05, 0.0, 0.0, 4.0, 1e9)
+    for _ in range(800):
+        fine, _ = step(motor, fine, -0.05, 0.0, 0.0, 0.005, 57.0)
+    assert once[0] == pytest.approx(fine[0], abs=1e-9)
+    peak = 0.05 * (1.0 - math.log(2.0)) - 2e-3 * 7.0
+    assert free[0] - once[0] == pytest.approx(peak, rel=1e-6)
+
+
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_a_standing_rotor_turns_with_the_body_until_its_motor_breaks_it_loose(way):
     """T = 2e-3 (1 - exp(-t / 0.5)) N m less J 0.5 rad/s2 is the stiction of 5e-4 N m."""
