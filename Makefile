@@ -4,7 +4,7 @@ BIN := .venv/bin
 # Matrices are small: further threads of numpy only wait busily, on two cores six times as long.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo fmus ssp test check fuzz builds bench house witness sizing papers site release clean
+.PHONY: demo fmus ssp test check fuzz mutations builds bench house witness sizing papers site release clean
 
 demo: ssp ## build everything, run and pack one scenario, say what it came to beside the paper's value
 	@rm -rf runs/demo
@@ -34,6 +34,13 @@ check: .venv/.installed ## lint, types, and blocks within what translates to C
 HOURS ?= 1
 fuzz: fmus ## mutated files through all readers, changed command lines, for HOURS; what fails is kept in tests/fuzz/corpus
 	$(BIN)/python tests/fuzz --seed $$(date +%s) --hours $(HOURS)
+
+MINUTES ?= 30
+mutations: fmus ## mutated lines of what landed since the last release against the quick tests, MINUTES for components and for orchestrator; prints what lives
+	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt cosmic-ray coverage
+	@for part in components orchestrator; do \
+		$(BIN)/python tests/mutations.py $$part $$((60 * $(MINUTES))) build/mutations/$$part --landed --anew || exit 1; \
+	done
 
 builds: fmus ## native FMUs by a second compiler (package ziglang, or CC), under sanitizers, for Windows: same bits?
 	$(BIN)/python tests/builds.py zig

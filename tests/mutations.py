@@ -15,16 +15,21 @@ nothing. What the quick tests do not kill runs with `--all` against every quick 
 that runs its line, the tests that its entry names as `also`, and of blocks the files of
 tests that name its module and the test that fmus/interfaces.md is of this code. Tests
 that were changed meanwhile are copied and mapped anew.
+
+`--landed` draws from the statements that the last release has not, wherever they stood
+in it, and prints what lives; the page is of the other parts. `make mutations` does so.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import copy
 import difflib
 import gc
 import importlib
 import inspect
+import io
 import json
 import os
 import platform
@@ -35,11 +40,12 @@ import shutil
 import signal
 import subprocess
 import sys
+import tarfile
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cache
 from importlib import metadata
@@ -180,7 +186,7 @@ VERDICTS = {
     "campaign/spread.py": ("not_reached_text", "spreads"),
     "runs/run.py": ("ok", "code", "or_raise", "_measure", "_cut_short"),
     "engine/child.py": ("apart", "stopped"),
-    "runs/step_case.py": ("stepped", "_add"),
+    "runs/step_case.py": ("step", "_add"),
     "runs/stopping.py": ("met", "_reaches", "watch"),
     "papers/comparison.py": ("band_of", "_row", "share_of"),
     "papers/tables.py": ("_single",),
@@ -212,6 +218,8 @@ class Part:
     functions: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     empty: bool = False
     """Whether FMUs are empty."""
+    release: str = ""
+    """Commit whose statements are left out; empty: none are."""
 
     def has(self, file: str, line: int, places: list[tuple[str, int, int]]) -> bool:
         """Whether a mutation of a line belongs to it, `places` all of the file."""
@@ -245,6 +253,75 @@ PARTS = {
         VERDICTS,
     ),
 }
+
+
+# --- what landed since the last release -----------------------------------------------
+
+
+def git(*arguments: str) -> bytes:
+    """Return the output of a command of git, empty where it fails."""
+    process = subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True)
+    return process.stdout
+
+
+def find_last_release() -> str:
+    """Return the last tag, or the commit that last changed the version."""
+    version = ("log", "-1", "--format=%H", "-G^version = ", "--", "pyproject.toml")
+    found = git("describe", "--tags", "--abbrev=0") or git(*version)
+    return found.decode().strip()
+
+
+def landed(part: Part) -> Part:
+    """Return a part of the same folders, of what landed since the last release."""
+    is_of_blocks = part.folders == ("components",)
+    return replace(
+        part,
+        folders=part.folders if is_of_blocks else ("orchestrator",),
+        sample=SAMPLE,
+        functions={},
+        release=find_last_release(),
+    )
+
+
+def statements_of(text: str) -> Iterator[tuple[str, range]]:
+    """Yield the code and the lines of each statement of a module.
+
+    Of a compound statement it is the code before its body.
+    """
+    for node in ast.walk(ast.parse(text)):
+        if not isinstance(node, ast.stmt):
+            continue
+        head, end = copy.copy(node), node.end_lineno or node.lineno
+        if body := getattr(node, "body", None):
+            end = max(node.lineno, body[0].lineno - 1)
+            for name in ("body", "orelse", "handlers", "finalbody", "cases"):
+                setattr(head, name, [])
+        begin = min([node.lineno, *(d.lineno for d in _decorators(node))])
+        yield ast.dump(head), range(begin, end + 1)
+
+
+def _decorators(node: ast.stmt) -> list[ast.expr]:
+    """Return the decorators of a function or class; else none."""
+    return list(getattr(node, "decorator_list", ()))
+
+
+@cache
+def released(release: str) -> frozenset[str]:
+    """Return the code of all statements of a release, but for those of its tests."""
+    found = set()
+    with tarfile.open(fileobj=io.BytesIO(git("archive", release))) as files:
+        for file in files:
+            if file.name.endswith(".py") and not file.name.startswith("tests/"):
+                text = files.extractfile(file).read()  # type: ignore[union-attr]
+                found.update(code for code, _ in statements_of(text.decode()))
+    return frozenset(found)
+
+
+def landed_lines(text: str, release: str) -> set[int]:
+    """Return the lines of a module's statements that a release has not."""
+    known = released(release)
+    lines = (lines for code, lines in statements_of(text) if code not in known)
+    return {line for each in lines for line in each}
 
 
 # --- the copy, and which test runs which line -----------------------------------------
@@ -461,12 +538,14 @@ def listed(tree: Path, part: Part) -> list[tuple[str, int, str, int]]:
         text, file = path.read_text(encoding="utf-8"), str(path.relative_to(tree))
         parsed = get_ast(text)
         places = places_of(text)
+        lines = landed_lines(text, part.release) if part.release else None
         nodes = list(ast_nodes(parsed))
         for name in OPERATORS:
             operator, k = get_operator(f"core/{name}")(), 0
             for node in nodes:
                 for (line, _), _ in operator.mutation_positions(node):
-                    if part.has(file, line, places):
+                    counts = lines is None or line in lines
+                    if counts and part.has(file, line, places):
                         found.append((file, line, name, k))
                     k += 1
     return sorted(found)
@@ -512,7 +591,7 @@ def drawn(tree: Path, part: Part) -> dict[str, Any]:
 def renewed(tree: Path, part: Part, old: dict[str, Any]) -> dict[str, Any]:
     """All drawn anew, of today's code. What was said of a mutation stays: why it
     changes nothing or is open, and the tests that were added for it; where its function
-    has not changed, how it ended, too."""
+    has not changed, how it ended, too; what lived of what landed runs again."""
     before: dict[str, str] = {}
     for path in sorted(p for f in part.folders for p in (ROOT / f).rglob("*.py")):
         name = str(path.relative_to(ROOT))
@@ -529,7 +608,8 @@ def renewed(tree: Path, part: Part, old: dict[str, Any]) -> dict[str, Any]:
         around = [(a, b) for _, a, b in places_of(text) if a <= m["line"] <= b]
         a, b = max(around, default=(1, -1))  # the innermost; else the file
         same = "\n".join(text.split("\n")[a - 1 : b]) in before[m["file"]]
-        ended = {"tests", "all", "outcome", "by"} if same else set()
+        stays = same and (not part.release or known.get("by"))
+        ended = {"tests", "all", "outcome", "by"} if stays else set()
         stated = {"equivalent", "why", "also", "added"}
         m.update({k: v for k, v in known.items() if k in stated | ended})
     return {**new, **{k: old[k] for k in ("controls", "date", "versions") if k in old}}
@@ -893,7 +973,7 @@ def page(stored: Mapping[str, Any]) -> str:
         "numbers are those of the code that ran.",
         "",
     ]
-    for name in stored:
+    for name in (x for x in stored if x in PARTS):
         lines += section(PARTS[name], stored[name])
     return "\n".join([*lines, NAMED])
 
@@ -919,15 +999,21 @@ def main() -> int:
         "--all", action="store_true", help="survivors against all that run it"
     )
     parser.add_argument("--anew", action="store_true", help="draw of today's code")
+    parser.add_argument(
+        "--landed", action="store_true", help="only of what the last release has not"
+    )
     arguments = parser.parse_args()
     signal.signal(
         signal.SIGTERM, lambda *_: sys.exit(143)
     )  # the mutated file is put back
-    until, folder, part = (
+    until, folder, name, part = (
         time.time() + arguments.seconds,
         arguments.folder.resolve(),
+        arguments.part,
         PARTS[arguments.part],
     )
+    if arguments.landed:
+        name, part = f"{name} since the last release", landed(part)
     folder.mkdir(parents=True, exist_ok=True)
     tree = copied(folder, part.empty)
     os.environ["DESAT_CACHE"] = str(folder / "cache")
@@ -935,10 +1021,11 @@ def main() -> int:
     os.chdir(tree)
     sys.path[:0] = [str(tree / ".names"), str(tree), str(tree / "tests")]
     _warm()
-    result = _stored().get(arguments.part)
+    result = _stored().get(name)
     if result is None or arguments.anew:
         result = renewed(tree, part, result or {"mutations": []})
     if arguments.seconds and not mapped(tree, folder, part, until):
+        print("which test runs which line is not known yet: call it again")
         return 0
     tests: dict[str, Any] = {}
     for file in sorted(folder.glob("map.*.json")):
@@ -982,14 +1069,23 @@ def main() -> int:
         result["versions"] = _versions()
         STORED.parent.mkdir(exist_ok=True)
         new = STORED.with_suffix(f".{arguments.part}")
-        new.write_text(
-            json.dumps({**_stored(), arguments.part: result}, indent=1) + "\n"
-        )
+        new.write_text(json.dumps({**_stored(), name: result}, indent=1) + "\n")
         new.replace(STORED)
         print(k, m["file"], m["line"], m["outcome"], m["by"], flush=True)
-    if any("outcome" in m for m in result["mutations"]):
+    if arguments.landed:
+        print_living(result)
+    elif any("outcome" in m for m in result["mutations"]):
         PAGE.write_text(page(_stored()), encoding="utf-8")
     return 0
+
+
+def print_living(result: dict[str, Any]) -> None:
+    """Print the mutations that no test has killed, and how many ran."""
+    n = score(result)
+    for m in n["open"]:
+        print(f"{m['file']} {m['line']}: {m['was']} -> {m['is']}: {m['outcome']}")
+    drawn_count = len(result["mutations"])
+    print(f"{n['ran']} of {drawn_count} ran, {n['killed']} are killed")
 
 
 def _versions() -> dict[str, str]:

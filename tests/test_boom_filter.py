@@ -324,6 +324,27 @@ def test_the_field_of_an_orbit_is_learnt():
     assert orbit_momentum.field_size(c) == pytest.approx(size, rel=1e-3)
 
 
+def test_learning_is_least_squares_with_weights_that_decay():
+    """Of all samples and the first variance, by numpy."""
+    retention, count = 0.98, 80
+    random = np.random.default_rng(2)
+    phases, fields = 0.11 * np.arange(count), 3e-5 * random.normal(size=(count, 3))
+    c, p = orbit_momentum.first_field()
+    for u, b in zip(phases.tolist(), fields.tolist(), strict=True):
+        c, p = orbit_momentum.learn_field(c, p, tuple(b), u, retention)
+    rows = np.stack([np.ones(count), np.cos(phases), np.sin(phases)], axis=1)
+    weights = retention ** np.arange(count - 1, -1, -1)
+    information = retention**count * np.eye(3) / 1e3 + (rows.T * weights) @ rows
+    expected = np.linalg.solve(information, (rows.T * weights) @ fields)
+    assert pytest.approx(expected, abs=1e-15) == np.reshape(c, (3, 3)).T
+    assert np.linalg.inv(information) == pytest.approx(np.reshape(p, (3, 3)), rel=1e-9)
+
+
+def test_information_decays_to_a_share_of_e_within_the_memory():
+    assert orbit_momentum.retention_of(9000.0, 9000.0) == pytest.approx(1.0 / math.e)
+    assert orbit_momentum.retention_of(90.0, 9000.0) == pytest.approx(math.exp(-0.01))
+
+
 small = st.floats(-1e-5, 1e-5)
 torques = st.tuples(small, small, small)
 
@@ -360,6 +381,44 @@ def test_the_size_of_the_periodic_momentum_bounds_it(mean, even, odd, has_roll):
     assert np.abs(found).max(axis=0) == pytest.approx(size, rel=1e-4, abs=1e-12)
 
 
+@given(torques, torques, torques, st.floats(0.0, 6.0))
+def test_without_a_roll_wheel_each_axis_takes_its_own_torque(mean, even, odd, u):
+    """By differences: h_y' and h_z' are the periodic torques about y and z."""
+    torque = orbit_momentum.OrbitTorque(mean, even, odd)
+    before, after = (
+        np.array(orbit_momentum.periodic_momentum(torque, x, N, False))
+        for x in (u - 1e-3, u + 1e-3)
+    )
+    expected = np.array(even) * math.cos(u) + np.array(odd) * math.sin(u)
+    expected[0] = 0.0
+    assert (after - before) / (2e-3 / N) == pytest.approx(expected, abs=1e-10)
+
+
+def test_the_torque_over_an_orbit_is_that_of_the_dipole_in_its_field():
+    c = (1e-5, 2e-5, -3e-5, 4e-6, 5e-6, -6e-6, 7e-5, -8e-5, 9e-5)
+    constant, dipole = (1e-6, -2e-6, 3e-6), (0.1, -0.2, 0.3)
+    mean, even, odd = orbit_momentum.torque_over_orbit(c, constant, dipole)
+    u = 0.7
+    field = np.reshape(c, (3, 3)) @ (1.0, math.cos(u), math.sin(u))
+    found = (
+        np.array(mean) + np.multiply(even, math.cos(u)) + np.multiply(odd, math.sin(u))
+    )
+    assert found == pytest.approx(np.add(constant, np.cross(dipole, field)), rel=1e-12)
+
+
+@given(st.tuples(*(st.floats(-0.1, 0.1),) * 3))
+def test_coils_without_a_threshold_take_the_excess_across_the_field(excess):
+    """m x B = -s / time, less the part along the field; with a dead zone each |g_i| less."""
+    b, time = np.array([2e-5, -1e-5, 3e-5]), 300.0
+    m = orbit_momentum.dump_dipole(excess, tuple(b), 0.0, 4e-5, time)
+    across = excess - b * (excess @ b) / (b @ b)
+    assert np.cross(m, b) == pytest.approx(-across / time, abs=1e-15)
+    g = np.cross(b, excess)
+    remainder = np.sign(g) * np.maximum(np.abs(g) - 0.02 * 4e-5, 0.0)
+    m = orbit_momentum.dump_dipole(excess, tuple(b), 0.02, 4e-5, time)
+    assert m == pytest.approx(-remainder / (b @ b * time), rel=1e-12, abs=1e-15)
+
+
 @given(st.tuples(*(st.floats(-0.1, 0.1),) * 3), st.tuples(*(st.floats(-1.0, 1.0),) * 3))
 def test_coils_take_only_momentum_beyond_the_threshold(excess, direction):
     b = tuple(4e-5 * x for x in direction)
@@ -375,6 +434,15 @@ def test_a_lean_about_roll_holds_a_torque_in_orbit():
     assert k == pytest.approx((3.0 * N * N * 148.0,) * 2 + (0.0,))
     remaining = orbit_momentum.compute_net_torque((k[0], k[1], 1.0), k, (0.75, 1.0, 0))
     assert remaining == pytest.approx((0.0, 0.0, 1.0), abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "stiffness"), [(2.0, 3.0, (1.5, 0.0, 0.0)), (3.0, 2.0, (0.0, 1.5, 0.0))]
+)
+def test_gravity_holds_nothing_about_axes_where_it_is_unstable(x, y, stiffness):
+    inertia = (x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, 2.5)
+    k = orbit_momentum.stiffness(inertia, N)
+    assert k == pytest.approx(tuple(N * N * s for s in stiffness), rel=1e-12, abs=0.0)
 
 
 LEAN_LIMIT, CAPACITY = 6, 7

@@ -217,6 +217,18 @@ def test_the_model_is_within_5_percent_of_the_closed_loop(tmp_path):
     )
 
 
+def test_wheels_of_the_weekly_capacity_dump_once_a_week(sizing, tmp_path):
+    """50 N m s dump 0.918 times a week, so that 45.9 N m s dump once."""
+    assert sizing.weekly == pytest.approx(45.9, rel=0.05)
+    facts = {k: v for k, v in vars(GEO).items() if v is not None}
+    smaller = {**facts, "wheels": f"4 pyramid {sizing.weekly:.6g}Nms"}
+    write(tmp_path / "mine", CraftFacts(**smaller), "desat new craft mine")
+    found = dumps.size(
+        str(tmp_path / "mine"), Options(), SizingRequirements(year=False, flown=False)
+    )
+    assert found.steady.a_week == pytest.approx(1.0, rel=0.02)
+
+
 def test_worst_of_a_geo_craft_is_sound(geo):
     case = prepare(f"{geo}/worst.toml", Options())
     assert case.checked.problems == []

@@ -10,6 +10,7 @@ import pytest
 from desat import faults as desat_faults
 from desat.begin import craft as new_craft
 from desat.begin.facts import CraftFacts
+from desat.campaign.draws import RunRow
 from desat.campaign.sampling import draw_of
 from desat.fmus.registry import block_class, names
 from desat.runs.prepare import prepare, read
@@ -99,6 +100,21 @@ def test_torques_in_pulses_are_added_to_a_copy_of_the_craft(craft):
     calm, pushed = (found.rows[n][1][0].median for n in ("nominal", "pulses"))
     assert pushed > calm + 1.0, "600 s of 4 uN m are 2.4 mN m s of 15"
     assert {p.name: p.read_text() for p in craft.glob("*.toml")} == before
+
+
+def test_torques_in_pulses_are_those_of_their_table(craft, tmp_path):
+    (fault,) = faults.chosen(["pulses"])
+    ((name, block),) = fault.table["component"].items()
+    added = fault.table["component"]
+    folder = tmp_path / "copy"
+    source = read(str(craft))
+    target, values = faults._with_component(fault, source, added, folder)
+    rows = [x for row in fault.table["table"] for x in row]
+    assert values[f"{name}.torque"][: len(rows)] == rows
+    assert not any(values[f"{name}.torque"][len(rows) :])
+    assert (values[f"{name}.between"], values[f"{name}.repeated"]) == ("hold", True)
+    assert f'{name} = "{block}"' in (folder / "craft.toml").read_text()
+    assert target.startswith(str(folder))
 
 
 def test_a_sample_that_never_ends_fails(desat):
@@ -202,6 +218,86 @@ def test_a_fault_under_which_the_first_law_is_worse_flies_more_samples(craft):
             else:
                 assert more.rows[name][1] == outcomes
     assert worse
+
+
+def row(status: str, message: str = "", **numbers: float | None) -> RunRow:
+    """Return the row of a sample; one that misses a requirement has a message."""
+    unmet = (message,) if status == "completed" and message else ()
+    return RunRow(status, 0, message, unmet, numbers=numbers)
+
+
+def test_samples_are_counted_with_their_reasons():
+    """A sample with several reasons fails once; what is not reached is infinite."""
+    rows = [
+        row("completed", time=1.0, peak=30.0),
+        row("completed", time=2.0, peak=60.0),
+        row("completed", time=9.0, peak=61.0),
+        row("completed", "pointing: 3 deg", time=4.0, peak=70.0),
+        row("completed", time=None, peak=None),
+        row("failed", "controller: no number", time=0.1),
+    ]
+    outcome = faults._outcome(rows, "time", {"peak": 60.0})
+    assert (outcome.count, outcome.failed) == (6, 4)
+    assert outcome.median == pytest.approx(6.5), "of 1, 2, 4, 9 and two infinite ones"
+    assert outcome.reasons == (
+        "peak is above 60",
+        "pointing",
+        "time is not reached",
+        "controller",
+    )
+    assert outcome.text == "6.5; 4 of 6 fail"
+    never = faults._outcome(rows[4:], "time", {})
+    assert (never.median, never.text) == (None, "2 of 2 fail")
+    peak = faults._outcome(rows[:2], "peak", {})
+    assert (peak.median, peak.failed, peak.reasons) == (45.0, 0, ())
+
+
+def answer_of(*outcomes: faults.Outcome) -> str:
+    """Return the answer of a table: without a fault, then faults a, b, ..."""
+    named = ("nominal", "a", "b", "c")
+    rows = {
+        n: (faults.Fault(n, f"fault {n}", {}), (x,))
+        for n, x in zip(named, outcomes, strict=False)
+    }
+    table = faults.FaultTable(("craft",), ("law",), "Time", "min", 1, rows, {})
+    return table.answer
+
+
+def test_the_worst_fault_is_that_of_most_failures_then_of_the_largest_median():
+    good, slow = faults.Outcome(4, 0, 1.0, ()), faults.Outcome(4, 0, 3.0, ())
+    bad, never = faults.Outcome(4, 1, 0.5, ("x",)), faults.Outcome(8, 2, None, ("y",))
+    assert answer_of(good) == "law: no fault applies."
+    assert answer_of(good, good, slow) == (
+        "law: no fault makes it fail; the worst is fault b (3 min)."
+    )
+    assert answer_of(good, bad, slow) == (
+        "law breaks under fault a: 1 of 4 samples fail: x."
+    )
+    assert answer_of(good, bad, never, slow) == (
+        "law breaks under fault b: 2 of 8 samples fail: y."
+    )
+    half = faults.Outcome(4, 2, 1.0, ("w",))
+    assert answer_of(good, half, faults.Outcome(8, 3, 1.0, ("y",))) == (
+        "law breaks under fault a: 2 of 4 samples fail: w."
+    )
+    broken = faults.Outcome(4, 4, None, ("z",))
+    assert answer_of(broken, bad) == "law fails without a fault: z."
+    assert answer_of(bad, bad, good) == (
+        "law: no fault makes it fail; the worst is fault a (0.5 min)."
+    )
+
+
+@pytest.mark.parametrize(("drawn", "samples"), [(True, [2, 3, 4]), (False, [])])
+def test_a_scenario_without_draws_flies_once(drawn, samples):
+    contender = faults.Contender("law", read("hausat2/detumbling-b-dot"), Options())
+    fault = faults.declared()["coil_dead"]
+    flight = faults.Flight(fault, contender, "target", {"a.b": 1.0}, drawn)
+    assert [x[3] for x in flight.tasks(range(2, 5), 7, ("peak",))] == samples
+    first = [0, 1] if drawn else [None]
+    tasks = flight.tasks(range(2), 7, ("peak",))
+    assert tasks == [
+        ("target", contender.options, 7, x, ("peak",), {"a.b": 1.0}) for x in first
+    ]
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from desat.analyses import firings
+from desat.analyses.firings import FiringParts
+from desat.analyses.manifest import Manifest
 from desat.components.blocks.magnetometer import Magnetometer
 from desat.components.blocks.thrusters import Thrusters
 from desat.components.blocks.thrusters_nozzles import NOZZLES, ThrustersNozzles
 from desat.components.blocks.torquers import Torquers
 from desat.components.contract.block import Block
+from desat.engine.recording.memory import File
+from desat.engine.recording.results import Results
 
 EXHAUST = 9.80665 * 68.0  # m/s, of the start value of the specific impulse
 
@@ -188,3 +193,37 @@ def test_interleaving_leaves_the_decay(lags):
     off = period - on
     assert max(at_samples) == pytest.approx(full * math.exp(-off / lag), rel=0.01)
     assert max(at_samples) < 1.01 * full * math.exp(-lags)
+
+
+# --- what is said of firings ----------------------------------------------------------
+
+
+def remarks_of(commanded: tuple[float, ...], fired: tuple[float, ...]) -> list[str]:
+    """Return what is said of two firings of 10 s about each axis (N m s).
+
+    The wheels hold 1 N m s at most.
+    """
+    series = {
+        "manager/tau_cmd_thruster_body": np.array([commanded, commanded]) / 20.0,
+        "thrusters/tau_mean_thruster_body": np.array([fired, fired]) / -20.0,
+        "thrusters/on_time": np.array([0.0, 0.5, 1.0]),
+        "craft/h_copy_wheel": np.array([[0.2, -1.0], [0.1, 0.3], [0.0, 0.1]]),
+    }
+    file = File()
+    file.create_dataset("time", dtype=float).append(np.array([0.0, 10.0, 20.0]))
+    for name, rows in series.items():
+        file.create_dataset(name, rows.shape[1:], float).append(rows)
+    parts = FiringParts("manager", "thrusters", "craft", scheduled=False)
+    manifest = Manifest(status="completed", parts={firings.KEY: parts})
+    return firings.remarks(manifest, Results(file))
+
+
+def test_an_axis_that_fires_less_than_half_of_its_command_is_told():
+    (line,) = remarks_of((0.4, 0.4, 0.0), (0.204, 0.196, 0.0))
+    assert "commanded 0.4 N m s about y, fired 0.196" in line
+
+
+def test_a_command_below_a_hundredth_of_the_momentum_is_ignored():
+    assert remarks_of((0.0099, 0.0, 0.0), (0.0, 0.0, 0.0)) == []
+    (line,) = remarks_of((0.0101, 0.0, 0.0), (0.0, 0.0, 0.0))
+    assert "commanded 0.0101 N m s about x, fired 0" in line

@@ -4,6 +4,8 @@ dumps, coils, sampled attitude control, and laws that do nothing."""
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +19,16 @@ from desat.begin.facts import CraftFacts
 from desat.components.contract.roles import Thrusters, Torquers, Wheels
 from desat.fmus.registry import block_class, names
 from desat.runs.prepare import prepare
+from desat.system.craft import craft_of
 from desat.system.errors import DesatError
 from desat.system.interface import role_classes
 from desat.system.options import Options
-from desat.system.sampled_loop import AttitudeLoop, longest_sample, stability
+from desat.system.sampled_loop import (
+    AttitudeLoop,
+    longest_sample,
+    stability,
+    worst_momentum,
+)
 
 GEO: dict[str, Any] = {
     "orbit": "geo",
@@ -377,6 +385,60 @@ def test_held_compensation_is_unstable_near_two_radians_of_nutation_in_a_sample(
     assert stable == [True, True, True, False]
     axes = np.eye(3)
     assert longest_sample(loop, axes, np.array([0.0, 4.4, 0.0])) == 0.5
+
+
+def test_the_worst_momentum_is_that_of_the_least_damping():
+    """Of two wheels that nearly cancel with equal signs, opposite signs add up."""
+    loop = a_loop(1.0)
+    axes = np.array([[1.0, -0.8], [0.0, 0.6], [0.0, 0.0]])
+    momentum, found = worst_momentum(loop, axes, np.array([1.0, 1.0]))
+    assert momentum == pytest.approx([1.8, -0.6, 0.0])
+    assert found == stability(loop, np.array([1.8, -0.6, 0.0]))
+    assert found.damping < stability(loop, np.array([0.2, 0.6, 0.0])).damping
+
+
+@pytest.mark.parametrize(("share", "is_stable"), [(0.95, True), (1.05, False)])
+def test_a_controller_may_be_as_late_as_its_phase_margin(share, is_stable):
+    """Of (2 zeta w s + w^2) / s^2, of gain 1 at the crossover."""
+    w, zeta = 0.1, 0.7
+    crossover = w * np.sqrt(2.0 * zeta**2 + np.sqrt(4.0 * zeta**4 + 1.0))
+    longest = np.arctan(2.0 * zeta * crossover / w) / crossover
+    loop = replace(a_loop(0.1), controller_delay=0.1 * round(10.0 * share * longest))
+    assert stability(loop, np.zeros(3)).stable is is_stable
+
+
+def test_the_loop_of_a_craft_has_the_delays_of_its_computers(tmp_path):
+    values = {"controller.delay": 0.4, "manager.delay": 0.2}
+    target = crafted(tmp_path, **CUBE)
+    system, _ = prepare(target, Options(values=values)).or_raise()
+    loop = attitude_loop.loop_of(system)
+    assert (loop.controller_delay, loop.manager_delay) == (0.4, 0.2)
+
+
+def test_wheels_of_a_craft_that_dumps_are_full_where_dumps_begin(tmp_path):
+    """70 % of 50 N m s in each wheel, of some signs."""
+    system, _ = prepare(crafted(tmp_path, **GEO, mass="2500kg"), Options()).or_raise()
+    loop, body = attitude_loop.loop_of(system), craft_of(system).rigid_body
+    *_, full = attitude_loop.conditions(system, loop, body)
+    assert full.name == "with the wheels where dumps begin"
+    sums = [body.wheels.axes @ (35.0 * np.array(x)) for x in product((1, -1), repeat=4)]
+    distances = np.linalg.norm(np.array(sums) - full.momentum, axis=1)
+    assert distances.min() < 1e-9
+
+
+def test_a_loop_that_is_poorly_damped_is_told_with_its_damping(tmp_path):
+    """G is the inertia: e is half the angle, so that zeta = kd / (2 sqrt(kp / 2))."""
+    target = crafted(tmp_path, **CUBE)
+    system, _ = prepare(target, Options()).or_raise()
+    kp = system.components["controller"].values["kp"]
+    for zeta, number in ((0.05, 1), (0.2, 0)):
+        sets = {"controller.kd": 2.0 * zeta * np.sqrt(kp / 2.0), "controller.ki": 0.0}
+        weak, _ = prepare(target, Options(values=sets)).or_raise()
+        lines = [x for x in attitude_loop.warnings(weak) if "wheels at rest" in x]
+        assert len(lines) == number
+        for line in lines:
+            damping = line.partition("has a damping of ")[2].partition(" ")[0]
+            assert float(damping) == pytest.approx(zeta, abs=0.01)
 
 
 @pytest.mark.parametrize("momentum", [1.0, 2.0])

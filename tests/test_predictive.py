@@ -214,6 +214,168 @@ def test_filter_finds_a_dead_and_a_turned_coil() -> None:
     assert np.linalg.eigvalsh(0.5 * (matrix + matrix.T)).min() > -1e-12
 
 
+def a_filter(
+    seed: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.random.Generator]:
+    """Return x, P (correlated) and effects (3 x CAUSES) of a filter."""
+    random = np.random.default_rng(seed)
+    x = np.array(learning.first_state((0.1, -0.2, 0.3)))
+    x += 0.01 * random.normal(size=learning.STATES)
+    x[learning.COILS : learning.WAVES] = 0.5
+    root = 0.01 * random.normal(size=(learning.STATES, learning.STATES))
+    effects = 0.1 * random.normal(size=(3, learning.CAUSES))
+    return x, root @ root.T, effects, random
+
+
+def table(a: np.ndarray) -> tuple[float, ...]:
+    return tuple(a.ravel().tolist())
+
+
+@pytest.mark.parametrize("doubted", [-1, learning.COILS + 2, learning.THRUSTERS])
+def test_an_update_is_that_of_a_kalman_filter(doubted: int) -> None:
+    """By numpy, all three axes at once; x stays within the limits of e and f."""
+    x, p, effects, random = a_filter(4)
+    deviations = np.abs(random.normal(size=learning.STATES)) * 1e-2
+    errors = 1e-3 * random.normal(size=(3, 3))
+    measured = np.array([0.12, -0.19, 0.31])
+    noise, walk, drift = 2e-2, 3e-3, 0.1
+    found, covariance, worst = learning.update(
+        table(x),
+        table(p),
+        tuple(measured),
+        table(effects),
+        noise,
+        walk,
+        tuple(tuple(e) for e in errors.tolist()),  # type: ignore[arg-type]
+        table(deviations),
+        drift,
+        doubted,
+    )
+    prior = p.copy()
+    if doubted >= 0:
+        prior[doubted, doubted] += learning.SPREAD_ACTUATOR**2
+    prior[3:, 3:] += np.diag((drift * deviations[3:]) ** 2)
+    f = np.eye(learning.STATES)
+    f[:3, 3:] = effects
+    prior = f @ prior @ f.T
+    prior[:3, :3] += walk**2 * np.eye(3) + errors.T @ errors
+    gain = prior[:, :3] @ np.linalg.inv(prior[:3, :3] + noise**2 * np.eye(3))
+    innovation = measured - (f @ x)[:3]
+    assert found == pytest.approx(f @ x + gain @ innovation, abs=1e-12)
+    expected = prior - gain @ prior[:3]
+    assert np.reshape(covariance, prior.shape) == pytest.approx(expected, abs=1e-12)
+    seen = learning.innovation(table(x), tuple(measured), table(effects))
+    assert seen == pytest.approx(tuple(innovation), abs=1e-15)
+    assert worst >= innovation[0] ** 2 / (prior[0, 0] + noise**2) * (1.0 - 1e-9)
+
+
+def test_the_deviation_along_an_axis_leaves_out_what_is_known() -> None:
+    _, p, effects, _ = a_filter(7)
+    axis, excluded = np.array([0.6, 0.0, -0.8]), learning.COILS + 1
+    along = np.concatenate([axis, axis @ effects])
+    along[excluded] = 0.0
+    found = learning.deviation_along(
+        table(p), table(effects), tuple(axis), excluded, 0.02
+    )
+    assert found == pytest.approx(math.sqrt(along @ p @ along + 0.02**2), rel=1e-12)
+    negative = table(-np.eye(learning.STATES))
+    indefinite = learning.deviation_along(
+        negative, table(effects), (1, 0, 0), excluded, 0.0
+    )
+    assert indefinite == 0.0
+
+
+def test_a_measurement_anew_forgets_momentum_alone() -> None:
+    _, p, _, _ = a_filter(8)
+    found = np.reshape(learning.forgotten(table(p), 0.02), p.shape)
+    expected = p.copy()
+    expected[:3], expected[:, :3] = 0.0, 0.0
+    expected[:3, :3] = 0.02**2 * np.eye(3)
+    assert np.array_equal(found, expected)
+
+
+def test_known_torques_are_the_constant_and_the_periodic_ones() -> None:
+    """Gravity (3), dipole (10 to 12) and actuators (13 to 19) are none of them."""
+    x = [100.0] * learning.STATES
+    x[4:7], x[7:10] = [3.0, 0.0, 4.0], [0.0, 5.0, 12.0]
+    x[20:23], x[23:26] = [8.0, 15.0, 0.0], [20.0, 0.0, 21.0]
+    assert learning.known_torque(tuple(x)) == 5.0 + 13.0 + 17.0 + 29.0
+
+
+def test_a_limit_moves_what_is_correlated_with_the_limited() -> None:
+    """A coil of 1.6 is held at 1.1: by 0.5 less, others by their share of it."""
+    x, p, _, _ = a_filter(10)
+    i, certain = learning.COILS, learning.THRUSTERS
+    x[i], x[certain] = 1.6, -1.3
+    p[certain], p[:, certain] = 0.0, 0.0
+    expected = x - 0.5 * p[:, i] / p[i, i]
+    expected[i], expected[certain] = 1.1, -1.1
+    state = x.tolist()
+    learning._constrain(state, list(table(p)))
+    assert state == pytest.approx(expected.tolist(), rel=1e-12)
+
+
+def test_prior_deviations_are_those_of_their_parameters() -> None:
+    """Momentum, s, T_eci, T_o with the air, d, four coils, three thrusters, waves."""
+    found = learning.spreads(1e-6, 2e-6, 0.1, 1e-4)
+    expected = [1e-4] * 3 + [0.3] + [1e-6] * 3 + [3e-6] * 3 + [0.1] * 3
+    expected += [0.5] * 4 + [0.01] * 3 + [3e-6] * 6
+    assert found == pytest.approx(expected, rel=1e-12, abs=0.0)
+
+
+@pytest.mark.parametrize("doubt", [learning.HOLDING, learning.EMPTYING])
+def test_evidence_is_what_innovations_have_beyond_uncertain_effects(
+    doubt: learning.Doubt,
+) -> None:
+    """Two samples, each longer than what is averaged, so that each counts alone."""
+    _, p, effects, random = a_filter(9)
+    p *= 1e-2
+    orbit, passed = 5400.0, 100.0
+    memory = 1.0 - passed / (orbit / 3.0)
+    candidates = effects[:, 1:17] / passed
+    found = 0.2 * random.normal(size=(2, 3))
+    evidence: tuple[float, ...] = (0.0,) * learning.EVIDENCE
+    for seen in found:
+        evidence = learning.gather(
+            evidence, table(p), tuple(seen), table(effects), passed, orbit, doubt
+        )
+    push = found / passed
+    most = np.array([2.0] * 9 + [doubt.expected] * 4 + [2.0] * 3)
+    explained = most**2 * np.diag(p)[4:20] * (candidates**2).sum(axis=0)
+    excess = np.maximum((push**2).sum(axis=1) - explained.sum(), 0.0)
+    assert excess.min() > 0.0
+    decays = np.array([memory, 1.0]) * passed
+    expected = np.concatenate(
+        [
+            push[1],
+            candidates.T.ravel(),
+            decays @ push @ candidates,
+            decays.sum() * (candidates**2).sum(axis=0),
+            [decays @ (push**2).sum(axis=1), excess[1]],
+            [passed / orbit * (excess[1] + (1.0 - passed / orbit) * excess[0])],
+        ]
+    )
+    assert evidence == pytest.approx(expected, rel=1e-9, abs=0.0)
+    size = math.sqrt(max(excess[1], expected[-1]) / 3.0)
+    assert learning.unmodelled_torque(evidence) == pytest.approx(size, rel=1e-9)
+
+
+def test_what_a_failure_explains_is_taken_off_the_evidence() -> None:
+    """A coil of effect (1, 2, 2) whose change of -0.5 explains all but a tenth."""
+    i = learning.COILS + 1
+    j = i - learning.INERTIAL
+    e = [0.0] * learning.EVIDENCE
+    e[0:3] = [-0.5, -1.0, -1.0]
+    e[learning.EFFECTS + 3 * j : learning.EFFECTS + 3 * j + 3] = [1.0, 2.0, 2.0]
+    e[learning.PRODUCTS + j], e[learning.SQUARES + j] = -4.5, 9.0
+    e[learning.TOTAL], e[learning.EXCESS], e[learning.RECENT] = 2.5, 1.0, 3.0
+    found = learning.explain(tuple(e), i)
+    assert found[0:3] == (0.0, 0.0, 0.0)
+    assert found[3 : learning.PRODUCTS] == tuple(e[3 : learning.PRODUCTS])
+    assert not any(found[learning.PRODUCTS : learning.RECENT])
+    assert found[learning.RECENT] == pytest.approx(0.3)
+
+
 CHANGES = {"coil": 1.0, "steady": 2.0}
 
 

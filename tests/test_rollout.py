@@ -523,6 +523,116 @@ def test_a_field_that_is_no_number_or_a_negative_variance_is_unsound() -> None:
     assert craft_filter.updated(x, negative, passed, it, True)[2] == kalman.UNSOUND
 
 
+def test_the_filter_begins_with_what_it_is_told() -> None:
+    """Moments and products in their order, doubts by state, a dipole's doubt with it."""
+    carrier = (2.0, 0.1, 0.2, 0.1, 3.0, 0.3, 0.2, 0.3, 4.0)
+    doubts = craft_filter.Doubts(0.2, 3e-7, 0.5, 0.4, 4e-6)
+    begun = craft_filter.Setting(doubts, carrier, 0.0, 0.0)
+    x, p = craft_filter.begin(FIELD, (2.0, -1.0, 0.5), begun)
+    assert x == (
+        0.0,
+        0.0,
+        0.0,
+        *FIELD,
+        2.0,
+        3.0,
+        4.0,
+        0.1,
+        0.2,
+        0.3,
+        *[1.0] * 3,
+        *[0] * 9,
+    )
+    assert craft_filter.carrier_of(x) == carrier
+    coupled = (3e-7) ** 2 + (4e-6) ** 2 * 5.25
+    variances = [0.04] * 3 + [coupled] * 3 + [0.25] * 3 + [0.01] * 3
+    variances += [0.16] * 3 + [1.6e-11] * 9
+    assert np.reshape(p, (24, 24)) == pytest.approx(
+        np.diag(variances), rel=1e-12, abs=0.0
+    )
+
+
+def test_parts_of_the_state_are_where_they_belong() -> None:
+    x, p = tuple(np.arange(24.0).tolist()), tuple(np.arange(576.0).tolist())
+    coupling = np.arange(15.0, 24.0).reshape(3, 3)
+    dipole = (0.3, -0.5, 0.7)
+    field = craft_filter.coupled_field(x, dipole)
+    assert field == pytest.approx(tuple(coupling @ dipole), rel=1e-12)
+    covariance = np.reshape(craft_filter.rates_covariance(p), (3, 3))
+    assert np.array_equal(covariance, np.reshape(p, (24, 24))[:3, :3])
+
+
+def test_a_coil_counts_as_turned_from_a_deviation_below_zero_on() -> None:
+    x = (0.0,) * 12 + (-0.21, -0.19, 0.9) + (0.0,) * 9
+    p = tuple((0.04 * np.eye(24)).ravel().tolist())
+    assert craft_filter.coil_signs(x, p) == (-1.0, 1.0, 1.0)
+
+
+def test_rate_and_field_walk_with_the_root_of_time() -> None:
+    """Of a state that is known and at rest."""
+    doubts = craft_filter.Doubts(0.0, 0.0, 0.0, 0.0, 0.0)
+    begun = craft_filter.Setting(doubts, CARRIER, 3e-5, 2e-7)
+    x, p = craft_filter.begin(FIELD, ZERO, begun)
+    state, covariance = list(x), list(p)
+    passed = craft_filter.Passed(4.0, ZERO, ZERO, ZERO, FIELD, ZERO, 0.0)
+    craft_filter._predict(state, covariance, x, passed, begun)
+    assert tuple(state) == x
+    variances = [(3e-5) ** 2 * 4.0] * 3 + [(2e-7) ** 2 * 4.0] * 3 + [0.0] * 18
+    found = np.reshape(covariance, (24, 24))
+    assert found == pytest.approx(np.diag(variances), rel=1e-12, abs=0.0)
+
+
+# kg m2: bounds of random moments and products, some of which belong to a body
+RANDOM_LEAST = (0.3, 0.3, 0.3, -0.8, -0.8, -0.8)
+RANDOM_MOST = (1.5, 1.5, 1.5, 0.8, 0.8, 0.8)
+
+
+@pytest.mark.parametrize(
+    "elements",
+    [
+        (2.0, 3.0, 4.0, 0.1, 0.2, 0.3),
+        (1.0, 1.0, -1.0, 2.0, 0.0, 0.0),  # its determinant is positive
+        (1.0, 1.0, 1.0, 0.6, 0.6, 0.6),
+        (1.0, 1.0, 1.0, 0.6, 0.6, -0.6),
+        (1.0, 2.0, 1.0, 0.0, 1.1, 0.0),
+        (1.0, 1.0, 2.0, 0.0, 0.0, 1.5),
+        (-1.0, -1.0, 1.0, 0.0, 0.0, 0.0),
+        *np.random.default_rng(5).uniform(RANDOM_LEAST, RANDOM_MOST, (40, 6)).tolist(),
+    ],
+)
+def test_an_inertia_is_sound_where_its_eigenvalues_are_positive(elements) -> None:
+    state = [0.0] * 6 + list(elements) + [0.0] * 12
+    matrix = np.reshape(craft_filter.carrier_of(tuple(state)), (3, 3))
+    is_positive = bool((np.linalg.eigvalsh(matrix) > 0.0).all())
+    assert craft_filter._is_sound(state, [0.0] * 576) is is_positive
+
+
+@pytest.mark.parametrize("is_of_rate", [True, False])
+def test_a_measurement_corrects_as_a_kalman_filter(is_of_rate: bool) -> None:
+    """By numpy: the rate at once, the field by axis with its variance underweighted."""
+    random = np.random.default_rng(6)
+    x, root = random.normal(size=24), 0.1 * random.normal(size=(24, 24))
+    dipole, noise = (0.2, -0.3, 0.1), 0.3
+    seen = (0.5, -0.4, 0.3)
+    passed = craft_filter.Passed(1.0, dipole, ZERO, ZERO, seen, seen, noise)
+    state, covariance = x.tolist(), (root @ root.T).ravel().tolist()
+    p, more = root @ root.T, 0.0 if is_of_rate else craft_filter.UNDERWEIGHT
+    if is_of_rate:
+        craft_filter._correct_rate(state, covariance, passed, True)
+    else:
+        craft_filter._correct(state, covariance, passed, noise, True)
+    for axis in range(3):
+        c = np.zeros(24)
+        c[axis if is_of_rate else 3 + axis] = 1.0
+        if not is_of_rate:
+            c[15 + 3 * axis : 18 + 3 * axis] = dipole
+        variance = (1.0 + more) * (c @ p @ c) + noise**2
+        x = x + p @ c * (seen[axis] - c @ x) / variance
+        p = p - np.outer(p @ c, c @ p) / variance
+    assert state == pytest.approx(x.tolist(), rel=1e-9, abs=1e-12)
+    assert np.reshape(covariance, (24, 24)) == pytest.approx(p, rel=1e-9, abs=1e-12)
+
+
 def test_a_constant_is_held_within_four_deviations() -> None:
     it = setting(0.5, 0.5, 4e-6)
     x, p = craft_filter.begin(FIELD, ZERO, it)

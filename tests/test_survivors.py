@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 import pytest
+from mutations import statements_of
 from test_blocks import begin, fresh
 
 from desat.components.contract.block import BlockError
@@ -645,3 +646,14 @@ def test_coils_that_are_off_are_allowed():
     block = fresh("manager_mixed_mode")
     block.m_limit = 0.0
     block.check()
+
+
+# --- what is mutated ------------------------------------------------------------------
+
+
+def test_what_landed_is_of_other_code_not_of_another_layout():
+    old = "def f(x):\n    return g(2.0, x)\n"
+    new = "def f(x):\n    y = (\n        3.0\n    )\n    return g(\n        2.0, x)\n"
+    known = {code for code, _ in statements_of(old)}
+    landed = [list(lines) for code, lines in statements_of(new) if code not in known]
+    assert landed == [[2, 3, 4]]

@@ -85,6 +85,86 @@ def test_a_step_with_friction(command, torque0, h, lag, rate, compensation):
     assert integral == pytest.approx(integral_e, abs=accuracy)
 
 
+@pytest.mark.parametrize("difference", [0.0, 5e-5, -5e-5, 2e-4, -2e-4])
+def test_a_loop_as_fast_as_its_motor_learns_the_friction_exactly(difference):
+    """Viscous friction is linear; at equal rates the solution has a form of its own."""
+    lag, viscous = 0.25, 2e-3
+    compensation = 1.0 / lag - viscous / J + difference
+    motor = (J, lag, viscous, 0.0, 1.0, compensation, 0.0, 1.0)
+    rotor = (0.3, -0.01, 0.02, 0.0)
+    (h1, t1, l1, _), integral = step(motor, rotor, 0.02, 0.1, 0.3, 1.5, 1e9)
+    (he, te, le), integral_e = exact(motor, rotor, 0.02, 0.1, 0.3, 1.5)
+    assert (h1, t1, l1) == pytest.approx((he, te, le), abs=1e-11)
+    assert integral == pytest.approx(integral_e, abs=1e-11)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_rotor_above_its_limit_brakes_to_it_with_the_torque_limit(way):
+    """From 8 rad/s to 6 at 0.02 N m / J, helped by the body; then it stays at 6."""
+    j, fastest, change, dt = 2e-3, 6.0, 2.0, 1.0
+    motor = (j, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.02)
+    rotor = (way * j * 8.0, 0.0, 0.0, 0.0)
+    (h, *_), integral = step(motor, rotor, way * 0.02, 0.0, way * change, dt, fastest)
+    lasted = 2.0 / (0.02 / j + change)
+    braked = j * 8.0 * lasted - 0.5 * 0.02 * lasted**2
+    held = j * (fastest * (dt - lasted) + 0.5 * change * (dt**2 - lasted**2))
+    assert h == pytest.approx(way * j * (fastest + change), rel=1e-12)
+    assert integral == pytest.approx(way * (braked + held), rel=1e-12)
+
+
+def test_a_motor_that_ends_its_command_may_reach_the_limit():
+    """From 5 rad/s to 6 by what is left of 0.05 N m, which decays with 1 s."""
+    j, fastest, torque = 2e-3, 6.0, 0.05
+    motor = (j, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.1)
+    rotor = (j * 5.0, torque, 0.0, 0.0)
+    (h, *_), integral = step(motor, rotor, 0.0, 0.0, 0.0, 1.0, fastest)
+    met = -math.log(1.0 - j / torque)
+    before = j * 5.0 * met + torque * (met - j / torque)
+    assert h == pytest.approx(j * fastest, rel=1e-12)
+    assert integral == pytest.approx(before + j * fastest * (1.0 - met), rel=1e-9)
+
+
+def test_a_limit_is_met_by_a_motor_that_turns_back_within_the_step():
+    """Its speed would pass the limit by 0.67 rad/s, and is far below it at the end."""
+    motor = (2e-3, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.1)
+    fine = (2e-3 * 50.0, 0.05, 0.0, 0.0)
+    once, _ = step(motor, fine, -0.05, 0.0, 0.0, 4.0, 57.0)
+    free, _ = step(motor, fine, -0.05, 0.0, 0.0, 4.0, 1e9)
+    for _ in range(800):
+        fine, _ = step(motor, fine, -0.05, 0.0, 0.0, 0.005, 57.0)
+    assert once[0] == pytest.approx(fine[0], abs=1e-9)
+    peak = 0.05 * (1.0 - math.log(2.0)) - 2e-3 * 7.0
+    assert free[0] - once[0] == pytest.approx(peak, rel=1e-6)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_standing_rotor_turns_with_the_body_until_its_motor_breaks_it_loose(way):
+    """T = 2e-3 (1 - exp(-t / 0.5)) N m less J 0.5 rad/s2 is the stiction of 5e-4 N m."""
+    j, lag, coulomb, change = 1e-3, 0.5, 2e-4, 0.5
+    motor = (j, lag, 0.0, coulomb, 1.0, 0.0, 5e-4, 0.1)
+    rotor = (way * j * 0.1, 0.0, 0.0, 0.0)
+    rates = (way * 0.1, way * (0.1 + change))
+    (h, torque, _, moves), integral = step(motor, rotor, way * 2e-3, *rates, 1.0, 1e9)
+    loose = -lag * math.log(1.0 - (5e-4 + j * change) / 2e-3)
+    moving, stood = 1.0 - loose, j * (0.1 + change * loose)
+    before, after = math.exp(-loose / lag), math.exp(-1.0 / lag)
+    pushed = 2e-3 * (moving - lag * (before - after)) - coulomb * moving
+    of_moving = lag * (lag * (before - after) - moving * before)
+    of_moving = 2e-3 * (0.5 * moving**2 + of_moving)
+    of_moving += stood * moving - 0.5 * coulomb * moving**2
+    of_standing = j * (0.1 * loose + 0.5 * change * loose**2)
+    expected = stood + pushed
+    assert integral == pytest.approx(way * (of_standing + of_moving), rel=1e-9)
+    assert (h, moves) == (pytest.approx(way * expected, rel=1e-9), way)
+    assert torque == pytest.approx(way * 2e-3 * (1.0 - math.exp(-1.0 / lag)), rel=1e-12)
+
+
+def test_friction_is_viscous_and_turns_its_sign_smoothly():
+    assert friction(3.0, 2e-5, 5e-4, 2.0) == pytest.approx(
+        6e-5 + 5e-4 * math.tanh(1.5), rel=1e-12
+    )
+
+
 def run(block: Wheels, steps: int, dt: float, k0: int = 0):
     """(h, mean, slope) of the first wheel over some steps."""
     rows = []
