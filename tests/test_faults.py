@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from desat import faults as desat_faults
+from desat.analyses.plausibility import mean_torque
 from desat.begin import craft as new_craft
 from desat.begin.facts import CraftFacts
 from desat.campaign.draws import RunRow
@@ -108,8 +111,11 @@ def test_torques_in_pulses_are_those_of_their_table(craft, tmp_path):
     added = fault.table["component"]
     folder = tmp_path / "copy"
     source = read(str(craft))
-    target, values = faults._with_component(fault, source, added, folder)
-    rows = [x for row in fault.table["table"] for x in row]
+    target, values = faults._with_component(fault, source, Options(), added, folder)
+    torque = mean_torque(prepare(source, Options()).or_raise()[0])
+    rows = [
+        x for t, *of in fault.table["table"] for x in (t, *(torque * y for y in of))
+    ]
     assert values[f"{name}.torque"][: len(rows)] == rows
     assert not any(values[f"{name}.torque"][len(rows) :])
     assert (values[f"{name}.between"], values[f"{name}.repeated"]) == ("hold", True)
@@ -339,11 +345,42 @@ def test_pulses_act_on_a_family_of_ours(tmp_path):
     """Its craft with the torque more, under the scenario's own samples."""
     (fault,) = faults.chosen(["pulses"])
     options = Options(stop=60.0)
-    target = "hausat2/detumbling-b-dot"
-    found = faults.fly_faults(
-        [target], options, [fault], 1, 1, (), "wheel_speed", jobs=1
-    )
+    target = "alsat1/spin"
+    found = faults.fly_faults([target], options, [fault], 1, 1, (), jobs=1)
     assert not found.without
-    calm, pushed = (found.rows[n][1][0].median for n in ("nominal", "pulses"))
-    assert calm != pushed
-    assert pushed == pytest.approx(calm, rel=0.1)
+    assert found.rows["pulses"][1][0].has_effect
+
+
+@pytest.mark.parametrize("rods", ["0.2", "2"])
+def test_sizes_of_faults_follow_the_craft(tmp_path, rods):
+    """Coupling, field, rate and pulses as shares of what the craft has."""
+    facts = {"size": "12U", "altitude": "500km", "inclination": "60deg", "rods": rods}
+    new_craft.write(tmp_path / "c", CraftFacts(**facts), "")
+    system, _ = prepare(str(tmp_path / "c"), Options()).or_raise()
+    changes = {
+        name: faults.changes_of(fault, system)
+        for name, fault in faults.declared().items()
+    }
+    coupling = np.reshape(changes["coupling"]["magnetometer.coil_coupling"], (3, 3))
+    field = np.linalg.norm(coupling, 2) * float(rods)
+    assert field == pytest.approx(0.2 * 3.8e-5, rel=0.3), "a fifth of the field"
+    bias = np.linalg.norm(changes["field"]["magnetometer.bias_body"])
+    assert bias == pytest.approx(0.05 * 3.8e-5, rel=0.1)
+    assert changes["gyro_bias"]["gyro.bias_body"][0] == pytest.approx(
+        0.1 * 2.0 * math.pi / 5677.0, rel=1e-2
+    )
+    assert 1e-8 < faults.unit_of_fault(faults.declared()["pulses"], system) < 1e-5
+
+
+def test_a_fault_that_moves_no_number_says_so(craft):
+    found = faults.fly_faults(
+        [str(craft)],
+        Options(stop=600.0, sets=["manager.enable=false"]),
+        faults.chosen(["coil_dead"]),
+        1,
+        1,
+        jobs=1,
+    )
+    (outcome,) = found.rows["coil_dead"][1]
+    assert not outcome.has_effect
+    assert outcome.text.endswith("; no effect")
