@@ -57,7 +57,7 @@ from ..files.hardware import (
     quantity,
     walk,
 )
-from ..system.errors import DesatError, nearest, plain
+from ..system.errors import DesatError, choices, plain
 from ..system.model import AUTO, J2000
 from ..system.quantity import Quantity, is_number
 from ..system.sampled_loop import (
@@ -349,8 +349,8 @@ def _of_class(
         return text, known[text], quantity(option, known[text][measure], unit)
     if not is_number(text):
         raise DesatError(
-            f"{option} {text}: no class{nearest(text, known)}; there is "
-            f"{', '.join(known)}, or a number in {unit}"
+            f"{option} {text}: no class"
+            f"{choices(text, known, f', or a number in {unit}')}"
         )
     size = requested(text)
     if kind == "wheels" and not re.search(
@@ -383,8 +383,7 @@ def _template_values(
     pointing = facts.pointing or ("nadir" if facts.sun is None else "sun")
     if pointing not in POINTINGS:
         raise DesatError(
-            f"--pointing {pointing}: there is {', '.join(POINTINGS)}"
-            f"{nearest(pointing, POINTINGS)}"
+            f"--pointing {pointing}: no such pointing{choices(pointing, POINTINGS)}"
         )
     body = body_of(facts)
     mass, sides, inertia = body.mass, body.sides, list(body.inertia)
@@ -988,8 +987,7 @@ def _wheels(facts: CraftFacts, inertia: list[float]) -> NewWheels:
     count, layout = int(match[1]), match[2]
     if layout not in LAYOUTS:
         raise DesatError(
-            f"--wheels {text}: no layout {layout}{nearest(layout, LAYOUTS)}; there is "
-            f"{', '.join(LAYOUTS)}"
+            f"--wheels {text}: no layout {layout}{choices(layout, LAYOUTS)}"
         )
     if count != {"pyramid": 4, "axes": 3}[layout]:
         raise DesatError(

@@ -25,7 +25,7 @@ from desat.components.physics.orbit import (
 from desat.components.physics.tle import teme_state, tle_parameters
 
 from ..files import io
-from ..system.errors import DesatError, nearest, plain
+from ..system.errors import DesatError, choices, plain
 from ..system.model import J2000
 from ..system.quantity import Quantity
 from .facts import CraftFacts
@@ -253,8 +253,8 @@ def _of_ends(text: str, name: str | None, epoch: float) -> Orbit:
     match = re.fullmatch(r"\s*([\d.]+)\s*x\s*([\d.]+)\s*km\s*", ends)
     if match is None:
         raise DesatError(
-            f"--orbit {text}: there is {', '.join(ORBITS)}, or heights of perigee and "
-            f"apogee, as 500x39860km{nearest(text, ORBITS)}"
+            f"--orbit {text}: no such orbit"
+            f"{choices(text, ORBITS, ', or heights of perigee and apogee, as 500x39860km')}"
         )
     low, high = sorted(
         Quantity("--orbit", "km", ALTITUDES[0], FARTHEST)(f"{height} km")

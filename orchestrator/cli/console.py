@@ -18,7 +18,7 @@ from rich.text import Text
 from typer.core import TyperCommand, TyperGroup
 
 from ..report.table import Column, Table
-from ..system.errors import Exit, plain
+from ..system.errors import DesatError, Exit, plain
 
 # The number of a closed stream would be given to the next file opened, and that be
 # written to.
@@ -104,7 +104,23 @@ def section_of(option: str) -> str:
     return next((s for s, names in SECTIONS.items() if option in names), "Options")
 
 
-class Sections(TyperCommand):
+class OnceOnly(TyperCommand):
+    """A command that refuses an option given twice, unless it may be repeated."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the arguments; raise DesatError for an option that comes again."""
+        _, _, order = self.make_parser(ctx).parse_args(args=[*args])
+        known: list[Any] = []
+        for param in order:
+            is_single = param.param_type_name == "option" and not param.multiple
+            if is_single and param in known:
+                names = "/".join([*param.opts[:1], *param.secondary_opts])
+                raise DesatError(f"{names}: it is given twice; it takes one value")
+            known.append(param)
+        return super().parse_args(ctx, args)
+
+
+class Sections(OnceOnly):
     """A command with many options, whose help has them in sections."""
 
     def __init__(self, *args: Any, **options: Any) -> None:
@@ -161,7 +177,17 @@ def example(command: str) -> str:
     return f"Example: {command}"
 
 
-app = typer.Typer(
+class Commands(typer.Typer):
+    """An application whose commands take each option once."""
+
+    def command(
+        self, *args: Any, cls: type[TyperCommand] | None = None, **options: Any
+    ) -> Any:
+        """Register a command, of the class OnceOnly unless another is named."""
+        return super().command(*args, cls=cls or OnceOnly, **options)
+
+
+app = Commands(
     cls=Panels,
     no_args_is_help=True,
     pretty_exceptions_enable=False,

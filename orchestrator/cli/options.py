@@ -260,6 +260,12 @@ def options_of(
     """Return the options that a command was given."""
     from ..system.options import Options
 
+    for option, texts in (
+        ("--set", sets),
+        ("--source", sources),
+        ("--output-class", classes),
+    ):
+        _refuse_twice(option, texts or [])
     overrides: dict[str, str] = {}
     for text in classes or []:
         key, _, value = text.partition("=")
@@ -284,6 +290,18 @@ def options_of(
         output_classes=overrides,
         **more,
     )
+
+
+def _refuse_twice(option: str, texts: list[str]) -> None:
+    """Raise DesatError where two texts, as NAME=VALUE, have the same name."""
+    first: dict[str, str] = {}
+    for text in texts:
+        name = text.partition("=")[0].strip()
+        if name in first:
+            raise DesatError(
+                f"{option} {text}: {name} has {option} {first[name]} already"
+            )
+        first[name] = text
 
 
 def parse_integer(place: str, text: str) -> int:

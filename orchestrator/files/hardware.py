@@ -18,7 +18,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from ..system.errors import DesatError, nearest
+from ..system.errors import DesatError, choices
 from ..system.model import Values
 from ..system.quantity import Quantity
 
@@ -86,9 +86,7 @@ def figures(role: str, text: str) -> tuple[bool, Figures]:
         raise DesatError('the form is "class:NAME" or "product:NAME"')
     there = known_figures(kind).get(KINDS[role], {})
     if name not in there:
-        raise DesatError(
-            f"no such {kind}{nearest(name, there)}; there is {', '.join(there)}"
-        )
+        raise DesatError(f"no such {kind}{choices(name, there)}")
     return kind == "class", there[name]
 
 

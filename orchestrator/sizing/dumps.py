@@ -36,7 +36,7 @@ from desat.components.bases.dumping import DUMPING
 from desat.components.blocks.manager_threshold import ManagerThreshold
 from desat.components.physics.orbit import MU
 
-from ..analyses import attitude_loop
+from ..analyses import attitude_loop, wheels
 from ..analyses.flight import (
     Attitude,
     Flight,
@@ -423,7 +423,7 @@ def size(
     notes = [*doubts(system), *closed_loop_only(system, options)]
     sizing = replace(
         sizing,
-        problems=tuple(_problems(sizing)),
+        problems=(*wheels.warnings(system), *_problems(sizing)),
         notes=(*notes, *_notes(sizing, requirements)),
     )
     if not (requirements.flown and (steady.first < window or options.stop is not None)):

@@ -24,6 +24,7 @@ from math import inf
 
 import numpy as np
 
+from ..analyses import wheels
 from ..analyses.flight import Attitude, Hardware, attitude_of, hardware_of
 from ..runs.prepare import prepare, read
 from ..system.errors import DesatError
@@ -202,7 +203,7 @@ def size(
     )
     fullest = _fullest_wheel(hardest, model, hardware)
     sizing = replace(sizing, margins=tuple(find_margins(sizing, fullest)))
-    problems = (*find_problems(sizing), *unmet)
+    problems = (*wheels.warnings(system), *find_problems(sizing), *unmet)
     return replace(
         sizing, problems=problems, notes=(*notes, *find_notes(sizing, attitude))
     )

@@ -20,7 +20,7 @@ from ..analyses.motion import period_of
 from ..engine.recording.results import Results
 from ..numbers.derived import pointing, wanted_attitude
 from ..numbers.text import spell_unit
-from ..system.errors import DesatError, nearest
+from ..system.errors import DesatError, choices
 from ..system.model import System
 
 Array = NDArray[Any]
@@ -161,10 +161,7 @@ def criteria(by: str) -> tuple[Criterion, ...]:
     names = [x.strip() for x in by.split(",") if x.strip()]
     for name in names or [by]:
         if name not in CRITERIA:
-            raise DesatError(
-                f"--by {by}: no {name or 'name'}{nearest(name, CRITERIA)}; there is "
-                f"{', '.join(CRITERIA)}"
-            )
+            raise DesatError(f"--by {by}: no {name or 'name'}{choices(name, CRITERIA)}")
     return tuple(CRITERIA[name] for name in dict.fromkeys(names))
 
 

@@ -33,7 +33,7 @@ from ..runs.prepare import Target, prepare, read
 from ..runs.run import Options, simulate
 from ..system import discovery
 from ..system.craft import craft_of
-from ..system.errors import DesatError, nearest
+from ..system.errors import DesatError, choices
 from ..system.model import System
 from ..system.typed import JsonObject
 from . import tune
@@ -211,10 +211,7 @@ def chosen(names: Sequence[str]) -> list[Fault]:
     faults = declared()
     for name in names:
         if name not in faults:
-            raise DesatError(
-                f"--fault {name}: no such fault{nearest(name, faults)}; there is "
-                f"{', '.join(faults)}"
-            )
+            raise DesatError(f"--fault {name}: no such fault{choices(name, faults)}")
     return [faults[name] for name in dict.fromkeys(names or faults)]
 
 
@@ -525,8 +522,8 @@ def _check_numbers(
     for name in [*limits, *([] if measured is None else [measured])]:
         if name not in content.numbers and name != PEAK:
             raise DesatError(
-                f"{first.source.text}: no number {name}{nearest(name, content.numbers)}; "
-                f"there is {', '.join((*content.numbers, PEAK))}"
+                f"{first.source.text}: no number {name}"
+                f"{choices(name, (*content.numbers, PEAK))}"
             )
     chosen_one = measured or _usual_number(system)
     for contender in contenders[1:]:

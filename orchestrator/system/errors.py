@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from enum import IntEnum
 from typing import TypeVar
 
@@ -91,13 +91,27 @@ def nearest(name: str, known: Iterable[str]) -> str:
     known = sorted(known)
     if len(known) > MANY or len(name) > LONG:
         return ""
-    begun = [x for x in known if len(name) > 2 and x.startswith(name)]
-    close = begun[:1] or difflib.get_close_matches(name, known, n=1, cutoff=0.6)
-    if close:
-        return f"; did you mean {close[0]}?"
+    if close := _closest(name, known):
+        return close
     if len(known) > 12:
         known = [*known[:12], "…"]
     return f"; there is {', '.join(known)}" if known else ""
+
+
+def _closest(name: str, known: Sequence[str]) -> str:
+    """Return `; did you mean X?` with the closest of the known names; "": none is."""
+    begun = [x for x in known if len(name) > 2 and x.startswith(name)]
+    close = begun[:1] or difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    return f"; did you mean {close[0]}?" if close else ""
+
+
+def choices(name: str, known: Iterable[str], otherwise: str = "") -> str:
+    """List all known names in their order, after the closest one if there is one.
+
+    `otherwise` is what else may be given, as ", or a number in N".
+    """
+    names = list(known)
+    return f"{_closest(name, names)}; there is {', '.join(names)}{otherwise}"
 
 
 def require(name: str, known: Collection[str], subject: str) -> None:

@@ -11,6 +11,7 @@ from ...system.errors import Exit
 from ...system.quantity import Quantity
 from .. import options as o
 from ..console import (
+    Commands,
     Sections,
     WithDefault,
     app,
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from ...campaign.judged import CaseVerdict
     from ...campaign.report import CampaignSummary
 
-campaigns = typer.Typer(
+campaigns = Commands(
     cls=WithDefault,
     no_args_is_help=True,
     rich_markup_mode=None,

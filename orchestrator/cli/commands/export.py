@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 
 from .. import options as o
-from ..console import WithDefault, app, err, example, out, print_json
+from ..console import Commands, WithDefault, app, err, example, out, print_json
 
-exports = typer.Typer(
+exports = Commands(
     cls=WithDefault,
     no_args_is_help=True,
     rich_markup_mode=None,

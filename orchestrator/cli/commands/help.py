@@ -8,7 +8,7 @@ import typer
 from typer.core import TyperGroup
 
 from .. import options as o
-from ..console import app, example, out, print_json, print_rows
+from ..console import Commands, app, example, out, print_json, print_rows
 
 
 class _Topics(TyperGroup):
@@ -21,7 +21,7 @@ class _Topics(TyperGroup):
         return super().parse_args(ctx, args)
 
 
-topics = typer.Typer(
+topics = Commands(
     cls=_Topics,
     invoke_without_command=True,
     rich_markup_mode=None,

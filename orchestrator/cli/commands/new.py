@@ -11,9 +11,9 @@ import typer
 
 from ...report.table import Column, Table
 from .. import options as o
-from ..console import app, example, out, print_json, print_table, warn
+from ..console import Commands, app, example, out, print_json, print_table, warn
 
-news = typer.Typer(
+news = Commands(
     no_args_is_help=True,
     rich_markup_mode=None,
     help="Begin something of your own: a craft, a law, a block.",
