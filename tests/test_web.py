@@ -7,6 +7,7 @@ such.
 
 from __future__ import annotations
 
+import csv
 import importlib.util
 import json
 import re
@@ -1024,14 +1025,55 @@ def test_a_page_answers_in_a_sentence_and_says_who_made_it(browser, craft, tmp_p
     at.tab.close()
 
 
+@pytest.fixture(scope="module")
+def page_to_save(craft):
+    """The page of a craft that flies 3000 s in steps of 1 s."""
+    sliders = ["torquers.m_limit=0.05:0.8", "wheels.speed_limit=1000 rpm:9000 rpm"]
+    options = Options(stop=3000.0, substeps=1)
+    return page.export(str(craft), {"own": options}, sliders, craft.parent / "s.html")
+
+
+def save_csv(tab: Any) -> list[list[str]]:
+    """The rows of the file that the first CSV button saves."""
+    with tab.expect_download() as download:
+        tab.locator("figure .save").first.get_by_text("CSV", exact=True).click()
+    return [*csv.reader(Path(download.value.path()).read_text().splitlines())]
+
+
+@needs_zig
+def test_csv_of_a_chart_has_all_samples_of_both_flights(browser, craft, page_to_save):
+    """Of the flight that is shown and of the one that was kept, as runs have them."""
+    at = Tab(browser, page_to_save.path)
+    at.tab.locator("#compare").click()
+    at.type("torquers.m_limit", "0.06")
+    head, *rows = save_csv(at.tab)
+    at.tab.close()
+    for label, sets in [("", ["torquers.m_limit=0.06"]), (", kept", [])]:
+        run = execute(str(craft), Options(stop=3000.0, substeps=1, sets=sets), None)
+        fullest = 1e3 * np.abs(run["wheels.h_wheel"]).max(axis=1)
+        column = head.index(f"with management{label} [mN m s]")
+        found = np.array([row[column] for row in rows], dtype=float)
+        assert np.allclose(found, fullest, rtol=1e-9, atol=0.0)
+
+
+@needs_zig
+def test_csv_of_a_flight_that_is_gone_says_what_it_holds(browser, page_to_save):
+    """One that cannot start has taken its place: what is drawn is saved, and said."""
+    at = Tab(browser, page_to_save.path)
+    at.tab.evaluate("location.hash = 'wheels.speed_limit=-1'")
+    at.wait()
+    assert at.text("fault")
+    note, _, *rows = save_csv(at.tab)
+    at.tab.close()
+    assert note[0].startswith("# minima and maxima of 600 bins of 3001 samples")
+    assert len(rows) == 1200
+
+
 @needs_zig
 def test_charts_of_a_page_are_saved_and_its_view_follows_the_pointer(
-    browser, craft, tmp_path
+    browser, page_to_save, tmp_path
 ):
-    answer = page.export(
-        str(craft), {"own": Options(stop=3000.0, substeps=1)}, [], tmp_path / "p.html"
-    )
-    at = Tab(browser, answer.path)
+    at = Tab(browser, page_to_save.path)
     tab = at.tab
     assert tab.locator(".save").count() == tab.evaluate("desat.charts.length")
     bar = tab.locator("figure .save").first
@@ -1048,7 +1090,7 @@ def test_charts_of_a_page_are_saved_and_its_view_follows_the_pointer(
         else:
             head, *lines = file.read_text().splitlines()
             assert head.startswith("time [s],with management [mN m s]")
-            assert len(lines) == tab.evaluate("desat.shown.times.length")
+            assert [float(x.partition(",")[0]) for x in lines] == [*range(3001)]
     box = tab.locator("figure .u-over").first.bounding_box()
     tab.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 20)
     count = tab.evaluate("desat.scene.data.count")

@@ -48,5 +48,5 @@ const csvCell = (v) => (v === null || v === undefined ? "" : /[",\n]/.test(v)
 const csvText = (head, columns) => [head.map(csvCell).join(","), ...Array.from(columns[0], (_, k) =>
   columns.map((c) => csvCell(c[k])).join(","))].join("\n") + "\n";
 // the first line of a file that holds so many drawn values in place of all rows
-const binsLine = (drawn, rows) => `# minima and maxima of ${drawn / 2} bins of ${rows} samples, not all samples; `
-  + "`desat export run` writes them\n";
+const binsLine = (drawn, rows) => (drawn < rows ? `# minima and maxima of ${drawn / 2} bins of ${rows} samples, `
+  + "not all samples; `desat export run` writes them\n" : "");

@@ -330,6 +330,12 @@ class Flight {
     return this.law.managed ? { ...found, ...this.managed() } : found;
   }
 
+  // The lines of all charts: that of the fullest wheel where there is one, and the plots.
+  charts() {
+    const { managed, plots } = this.law;
+    return [...(managed?.drawn ? [this.fullest()] : []), ...plots.map((of) => this.plot(of))];
+  }
+
   // The lines of a plot, each an array of a value a row; and its limits.
   plot(of) {
     const lines = [];
