@@ -819,6 +819,80 @@ const told = flight.warnings;""",
     assert {*messages} == {*warned}
 
 
+@pytest.fixture(scope="module")
+def page_to_save(craft):
+    """The page of a craft that flies 3000 s in steps of 1 s."""
+    sliders = [
+        "torquers.m_limit=0.05:0.8",
+        "wheels.speed_limit=1000 rpm:9000 rpm",
+        "wheels.h_start_wheel=0 mN.m.s:30 mN.m.s",
+        "manager.gain=1e-9:4e-3",
+        "spacecraft.residual_dipole_body=0:20",
+    ]
+    options = Options(stop=3000.0, substeps=1)
+    return page.export(str(craft), {"own": options}, sliders, craft.parent / "s.html")
+
+
+LINES = """globalThis.postMessage = () => {};
+const [told0, worker, moved] = input;
+(0, eval)(worker.replace('"use strict";', "") + ";globalThis.Flight = Flight;");
+const flight = new Flight(told0, new WebAssembly.Module(Buffer.from(told0.wasm, "base64")));
+flight.begin(0, moved);
+while (flight.some());
+const told = { before: flight.warnings, after: flight.remarks(), unmet: flight.unmet(),
+  numbers: Object.keys(flight.numbers()) };"""
+
+
+def lines_alike(path: Path, target: str, options: Options, moved: dict[str, float]):
+    """The lines of a run, after it was found that a flight of a page has the same."""
+    facts, worker = told_of(path)
+    found = node(LINES, [facts, worker, moved])
+    law = facts["laws"][0]
+    sliders = {s["name"]: s for s in law["sliders"]}
+    sets = [text_of(sliders[n], x, law["values"]) for n, x in moved.items()]
+    options = Options(**{**vars(options), "sets": [*options.sets, *sets]})
+    manifest = execute(target, options, None).manifest
+    before = prepare(target, options).checked.warnings
+    if not moved:
+        assert {*found["before"]} == {*before}
+    after = {x for x in manifest.warnings if "accuracy is shown up to" not in x}
+    assert {*found["after"]} == after - {*before}
+    assert {*found["unmet"]} == {*manifest.unmet}
+    balance = {"left_rms", "unmanaged_rms"}
+    assert balance & {*found["numbers"]} == balance & manifest.numbers.keys()
+    return "\n".join([*found["before"], *found["after"], *found["unmet"]])
+
+
+@needs_node
+@needs_zig
+@pytest.mark.parametrize(
+    ("moved", "text"),
+    [
+        ({}, ""),
+        ({"wheels.h_start_wheel": 14.9}, "was at its speed limit for"),
+        ({"spacecraft.residual_dipole_body": 20.0}, "the attitude was lost: "),
+        ({"manager.gain": 1e-9}, "it does nothing"),
+    ],
+    ids=["as it is", "full wheels", "lost attitude", "no effect"],
+)
+def test_a_page_warns_after_a_flight_as_a_run_does(craft, page_to_save, moved, text):
+    options = Options(stop=3000.0, substeps=1)
+    assert text in lines_alike(page_to_save.path, str(craft), options, moved)
+
+
+@needs_node
+@needs_zig
+def test_a_page_says_what_a_star_tracker_at_the_earth_costs(tmp_path):
+    target = "nadir_day/star-tracker-prompt"
+    sets = ["star_tracker.boresight_body=0,0,1"]
+    options = Options(stop=5000.0, substeps=1, sets=sets)
+    sliders = ["torquers.m_limit=0.05:2"]
+    answer = page.export(target, {"own": options}, sliders, tmp_path / "page.html")
+    lines = lines_alike(answer.path, target, options, {})
+    for text in ("it was never valid (lost_to = 2", "not checked: left_rms, unmanaged"):
+        assert text in lines
+
+
 class Tab:
     """A page in a browser, and what it says."""
 
@@ -1022,15 +1096,8 @@ def test_a_page_answers_in_a_sentence_and_says_who_made_it(browser, craft, tmp_p
     text = at.text("answer")
     assert text.startswith("Does not hold: a wheel is full after")
     assert "Largest wheel momentum" in text.partition("NOT MET: ")[2]
+    assert any("was at its speed limit for" in line for line in at.warnings())
     at.tab.close()
-
-
-@pytest.fixture(scope="module")
-def page_to_save(craft):
-    """The page of a craft that flies 3000 s in steps of 1 s."""
-    sliders = ["torquers.m_limit=0.05:0.8", "wheels.speed_limit=1000 rpm:9000 rpm"]
-    options = Options(stop=3000.0, substeps=1)
-    return page.export(str(craft), {"own": options}, sliders, craft.parent / "s.html")
 
 
 def save_csv(tab: Any) -> list[list[str]]:

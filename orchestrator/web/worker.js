@@ -18,7 +18,11 @@ function shown(id, began, last) {
   message.end = flight.told.start + (rows - 1) * flight.told.step;
   message.ended = flight.ended;
   if (last) message.view = flight.view(ROWS_OF_VIEW);
-  if (last && !flight.fault) message.numbers = flight.numbers();
+  if (last && !flight.fault) {
+    message.numbers = flight.numbers();
+    message.unmet = flight.unmet();
+    message.warnings = [...message.warnings, ...flight.remarks(), ...message.unmet.map((line) => `not met: ${line}`)];
+  }
   postMessage(message);
 }
 

@@ -410,7 +410,9 @@
       }
     }
     if (missed.length) parts.push(`NOT MET: ${missed.join(", ")}`);
-    const bad = missed.length || /^(Not|Does)/.test(parts[0] || "");
+    const checks = shown.unmet.length;
+    if (checks) parts.push(`Not met: ${checks} check${checks > 1 ? "s" : ""} of the flight, among the warnings`);
+    const bad = checks || missed.length || /^(Not|Does)/.test(parts[0] || "");
     place.className = bad ? "bad" : "ok";
     place.replaceChildren(...(parts.length ? [make("b", { textContent: `${parts.join("; ")}.` })] : []));
   }
@@ -466,7 +468,7 @@
       document.documentElement.dataset.flown = data.id; // for who waits
     } else $id("state").textContent = `flying … ${Math.round((100 * data.done) / told.steps)} %`;
     if (!data.plots.length) return;
-    shown = { id: data.id, law, moved: { ...moved }, numbers: data.numbers, plots: data.plots, times: data.times,
+    shown = { id: data.id, law, moved: { ...moved }, numbers: data.numbers, unmet: data.unmet ?? [], plots: data.plots, times: data.times,
       end: data.end, ended: data.ended, view: data.view };
     draw();
   };
