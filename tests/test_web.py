@@ -32,11 +32,11 @@ from desat.runs.prepare import prepare, read
 from desat.runs.run import Options, Run, execute
 from desat.studies import ranking
 from desat.studies.ranking import options_of_laws
-from desat.system.options import sets_of
+from desat.system.options import sets_of, with_assignment
 from desat.system.parameters import parse_assignment
 from desat.web import module, page
 from desat.web.script import numpy_source, script
-from desat.web.sliders import usual
+from desat.web.sliders import asked_of, usual, usual_of
 
 NODE = shutil.which("node")
 needs_node = pytest.mark.skipif(NODE is None, reason="no node")
@@ -721,6 +721,61 @@ def test_sliders_of_a_craft_with_thrusters_are_those_of_its_dumps(
     assert begin.high * begin.factor <= capacity
     assert end.start < begin.low
     assert end.high < begin.start
+
+
+# the pulses of its law do not follow the thrusters, whose torques a test sets
+OF_GEO = Options(stop=100.0, sets=["manager.pulse_body=1e-3,1e-3,1e-3"])
+
+
+@pytest.fixture(scope="module")
+def geo(tmp_path_factory):
+    """A craft that dumps by thrusters alone."""
+    folder = tmp_path_factory.mktemp("geo") / "c"
+    line = ["new", "craft", str(folder), *shlex.split(GEO)]
+    assert CliRunner().invoke(cli.app_for([]), line).exit_code == 0
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("target", "inputs", "shown"),
+    [
+        ("thrusters.tau_level", "0.03,0.03,0.03", 30.0),
+        ("thrusters.tau_level[2]", "0.03,0.02,0.01", 20.0),
+        ("wheels.h_start_wheel", "2,2,2,2", 2.0),
+        ("spacecraft.residual_dipole_body", "0,3,4", 5.0),
+        ("spacecraft.omega_start_body", "1e-3,1e-3,1e-3", 0.099239),
+    ],
+)
+def test_a_slider_shows_one_quantity_and_sets_what_is_typed(geo, target, inputs, shown):
+    """An element, equal elements, or the size of a vector in space."""
+    array = target.partition("[")[0]
+    options = with_assignment(OF_GEO, f"{array}={inputs}")
+    system, _ = prepare(read(str(geo)), options).or_raise()
+    found = usual_of(target, system) or asked_of(f"{target}=0:50", system)
+    assert found.start == pytest.approx(shown, rel=1e-4)
+    owner, _, name = array.partition(".")
+    before = system.components[owner].values[name]
+    for value in (shown, 2.0 * shown):
+        text = found.value_text(value, before)
+        again, _ = prepare(read(str(geo)), with_assignment(options, text)).or_raise()
+        factor = value / shown
+        elements = again.components[owner].values[name]
+        if "[" in target:
+            assert elements == pytest.approx([before[0], factor * before[1], before[2]])
+        else:
+            assert elements == pytest.approx([factor * x for x in before], rel=1e-4)
+
+
+def test_torques_that_differ_about_the_axes_have_a_slider_each(geo):
+    options = with_assignment(OF_GEO, "thrusters.tau_level=0.03,0.02,0.01")
+    system, _ = prepare(read(str(geo)), options).or_raise()
+    found = {s.name: s for s in usual(system) if "tau_level" in s.name}
+    assert {n: s.start for n, s in found.items()} == {
+        "thrusters.tau_level[1]": 30.0,
+        "thrusters.tau_level[2]": 20.0,
+        "thrusters.tau_level[3]": 10.0,
+    }
+    assert len({s.title for s in found.values()}) == 3
 
 
 def test_a_craft_with_coils_and_thrusters_has_the_sliders_of_both():
