@@ -363,7 +363,8 @@ def _slider(name: str, system: System, place: str) -> Slider:
     targets, signals = _signals(name, system, place)
     owner, _, parameter = targets[0].partition(".")
     values, first = system.components[owner].values[parameter], signals[0]
-    form, element, there = "one", 0, (True,)
+    form, element = "one", 0
+    there: tuple[bool, ...] = (True,)
     if len(signals) > 1:
         there = _there(system, owner, values)
         form = _array_form(first, values, there)
