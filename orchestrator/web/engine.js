@@ -319,10 +319,11 @@ class Flight {
   }
 
   // What `desat run` says is not met after a flight, whatever its scenario requires (analyses/health.py,
-  // management.py), a line each.
+  // management.py, firings.py), a line each.
   unmet() {
-    const { attitude, law } = this.law.checks;
+    const { attitude, law, firings } = this.law.checks;
     const lines = this.sensors(measures.describe_dead_sensor);
+    if (firings) lines.push(...measures.describe_silence(firings.name, this.times(this.made + 1), ...this.fired()));
     if (attitude) lines.push(...measures.describe_lost_attitude(...this.pair(attitude)));
     if (law?.rate) lines.push(...measures.describe_braking(law.name, this.series(law.rate)));
     const { managed } = this.law;
@@ -337,10 +338,15 @@ class Flight {
 
   // What it warns of after a flight, a line each.
   remarks() {
-    const { wheels, attitude } = this.law.checks;
+    const { wheels, attitude, firings } = this.law.checks;
     const lines = this.sensors(measures.describe_rare_sensor);
     if (wheels) lines.unshift(...measures.describe_full_wheels(wheels, this.series(`${wheels}.saturated_wheel`)));
     if (attitude) lines.push(...measures.describe_missed_attitude(...this.pair(attitude)));
+    if (firings && !firings.scheduled) {
+      const used = firings.spent ? this.series(firings.spent) : $.zeros(1);
+      lines.push(...measures.describe_firings(firings.name, this.table[`${firings.name}.tank`] ?? firings.tank, used,
+        this.times(this.made + 1), ...this.fired()));
+    }
     const error = this.lost();
     if (error !== null && this.law.managed) {
       lines.push(`not checked: ${this.law.managed.names.balance.join(", ")}: ${measures.describe_lost(error)}`);
@@ -352,6 +358,11 @@ class Flight {
   sensors(describe) {
     return this.law.checks.sensors.flatMap(({ name, valid, lost_to: codes, meaning }) =>
       describe(name, this.series(valid), codes ? this.series(codes) : $.array([]), meaning));
+  }
+
+  // Command, torque and on-time of the thrusters, and the momentum of the wheels.
+  fired() {
+    return this.law.checks.firings.series.map((name) => this.series(name));
   }
 
   // Times, an attitude and its reference, rows alike.

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from ..analyses import health, management
+from ..analyses import firings, health, management
 from ..export.loop_fmu import LoopEnds, LoopSource, written_out
 from ..figures.craft import DIRECTIONS
 from ..figures.plots import elements_of
@@ -80,6 +80,8 @@ _CHECKS: tuple[Callable[..., Any], ...] = (
     management.describe_lost,
     management.describe_braking,
     management.describe_effect,
+    firings.describe_silence,
+    firings.describe_firings,
 )
 
 
@@ -731,7 +733,13 @@ def _checks(system: System) -> JsonObject:
     """Return the series and components of the lines of a run after its flight."""
     there = _there(system)
     parts, managed = health.applies(system), management.applies(system)
-    found: JsonObject = {"sensors": [], "wheels": None, "attitude": None, "law": None}
+    found: JsonObject = {
+        "sensors": [],
+        "wheels": None,
+        "attitude": None,
+        "law": None,
+        "firings": _firings(system),
+    }
     if parts is not None:
         found["sensors"] = [_sensor(system, n) for n in parts.sensors]
         found["wheels"] = parts.wheels
@@ -746,6 +754,21 @@ def _checks(system: System) -> JsonObject:
             "deadband": managed.deadband,
         }
     return found
+
+
+def _firings(system: System) -> JsonObject | None:
+    """Return the series and the tank of the lines on firings, None without any."""
+    parts = firings.applies(system)
+    if parts is None or not _there(system).issuperset(firings.series_of(parts)):
+        return None
+    spent = f"{parts.thrusters}.propellant"
+    return {
+        "name": parts.thrusters,
+        "series": firings.series_of(parts),
+        "tank": system.components[parts.thrusters].values.get("tank", 0.0),
+        "spent": spent if spent in _there(system) else None,
+        "scheduled": parts.scheduled,
+    }
 
 
 def _sensor(system: System, name: str) -> JsonObject:
@@ -771,6 +794,9 @@ def _check_series(checks: JsonObject) -> Iterator[str]:
     yield from law.get("late") or ()
     if law.get("rate"):
         yield law["rate"]
+    if fired := checks["firings"]:
+        yield from fired["series"]
+        yield from (s for s in [fired["spent"]] if s)
 
 
 def _managed(law: _LawSystem) -> JsonObject | None:
