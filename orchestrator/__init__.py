@@ -187,8 +187,10 @@ def new(
     force
         Write into a folder that exists.
     **facts
-        Options of `desat new craft`, as texts. Values that are not given are typical of
-        the craft's class.
+        Options of `desat new craft`: texts as typed, or numbers in SI (`altitude` and
+        `sso` in m, `inclination` in rad, `sun` in m, `secular` in N m), lists of numbers
+        for `box`, `inertia` and `secular`, a datetime for `epoch`. Values that are not
+        given are typical of the craft's class.
 
     Returns
     -------
@@ -205,25 +207,24 @@ def new(
     --------
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as here:
-    ...     craft = new(f"{here}/my12u", size="12U", altitude="400km", rods="0.2")
+    ...     craft = new(f"{here}/my12u", size="12U", altitude=400e3, rods=0.2)
     ...     sorted(p.name for p in craft.iterdir())
     ['craft.toml', 'detumbling.toml', 'nominal.toml', 'rollout.toml', 'worst.toml']
     """
     import shlex
     from pathlib import Path
 
-    from .begin.facts import CraftFacts, Facts
+    from .begin.facts import craft_facts, typed_facts
     from .runs.new_craft import write_craft
-    from .system.errors import DesatError, nearest
 
-    if unknown := [name for name in facts if name not in Facts.__annotations__]:
-        raise DesatError(
-            f"{unknown[0]}: no fact of a craft"
-            f"{nearest(unknown[0], Facts.__annotations__)}"
-        )
-    typed = [f"--{name.replace('_', '-')}={value}" for name, value in facts.items()]
-    command = shlex.join(["desat", "new", "craft", str(folder), *typed])
-    write_craft(Path(folder), CraftFacts(**facts), command, force)
+    typed = typed_facts(facts)
+    options = [
+        f"--{name.replace('_', '-')}={text}"
+        for name, texts in typed.items()
+        for text in ([texts] if isinstance(texts, str) else texts)
+    ]
+    command = shlex.join(["desat", "new", "craft", str(folder), *options])
+    write_craft(Path(folder), craft_facts(typed), command, force)
     return Path(folder)
 
 

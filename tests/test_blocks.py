@@ -7,6 +7,7 @@ import inspect
 import json
 import math
 import random
+import re
 
 import pytest
 
@@ -84,6 +85,22 @@ def begin(block: Block, rng: random.Random | None = None) -> Block:
     block.start()
     block.output(0.0)
     return block
+
+
+# words and signs that cannot end a title
+OPEN_ENDS = re.compile(
+    r"(\b(a|an|and|as|at|by|for|from|in|it|of|on|or|that|the|to|which|while|with)"
+    r"|[-,:;(])$"
+)
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_a_title_is_a_whole_phrase_on_one_line(name):
+    block = registry.block_class(name)
+    first, second = inspect.getdoc(block).splitlines()[:2]
+    assert title(block) == first
+    assert not second, f"the title goes on: {first} | {second}"
+    assert not OPEN_ENDS.search(first), first
 
 
 @pytest.mark.parametrize("name", BLOCKS)

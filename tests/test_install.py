@@ -305,6 +305,7 @@ def test_extras_bring_the_packages_that_commands_may_lack():
         assert package in names, package
     needed = {re.split(r"[><=\[]", text)[0] for text in document["dependencies"]}
     assert not needed & EXTRAS.keys()
+    assert {"fmpy", "pythonfmu", "numpy", "scipy", "matplotlib"} <= needed
 
 
 @pytest.mark.parametrize(

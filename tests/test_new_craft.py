@@ -8,6 +8,7 @@ import math
 import re
 import tomllib
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from desat.begin.body import CUBESATS
 from desat.begin.craft import SCENARIOS, write
 from desat.begin.facts import CraftFacts
 from desat.begin.torques import given_torque
+from desat.components.physics.earth import ASTRONOMICAL_UNIT
 from desat.components.physics.orbit import EARTH_RADIUS
 from desat.files.hardware import classes, quantity
 from desat.fmus import registry
@@ -53,6 +55,7 @@ LARGE = CraftFacts(
     thrusters="4 10N",
     dump="thrusters 70:10",
 )
+DEEP_SPACE = {"thrusters": "4 10mN", "dump": "thrusters 70:10"}
 ISS = """1 25544U 98067A   19343.69339541  .00001764  00000-0  38792-4 0  9991
 2 25544  51.6439 211.2001 0007417  17.6667  85.6398 15.50103472202482
 """
@@ -605,3 +608,57 @@ def test_wheels_and_coils_detumble_sooner_than_coils_alone(tmp_path: Path) -> No
 def test_a_craft_without_rods_has_no_detumbling(tmp_path: Path) -> None:
     files = write(tmp_path / "mine", GTO, "desat new craft mine").files
     assert {x.name for x in files} == {"craft.toml", "nominal.toml", "worst.toml"}
+
+
+@pytest.mark.parametrize(
+    ("numbers", "texts"),
+    [
+        ({"size": "12U", "rods": 0.2}, {"size": "12U", "rods": "0.2"}),
+        (
+            {"altitude": 450e3, "inclination": np.float64(0.9)},
+            {"altitude": "450km", "inclination": "0.9rad"},
+        ),
+        (
+            {"mass": 20, "box": [0.3, 0.3, 0.4], "sample": 0.2},
+            {"mass": "20kg", "box": "0.3,0.3,0.4", "sample": "0.2s"},
+        ),
+        (
+            {"inertia": np.array([0.2, 0.2, 0.1]), "residual_dipole": 0.05},
+            {"inertia": "0.2,0.2,0.1", "residual_dipole": "0.05"},
+        ),
+        ({"secular": 8e-5}, {"secular": "8e-5Nm"}),
+        ({"epoch": datetime(2027, 3, 1)}, {"epoch": "2027-03-01T00:00:00"}),
+        (
+            {"sun": 1.5 * ASTRONOMICAL_UNIT, "rods": None, **DEEP_SPACE},
+            {"sun": "1.5AU", **DEEP_SPACE},
+        ),
+    ],
+)
+def test_a_program_gives_numbers_in_si(tmp_path, numbers, texts):
+    files = []
+    for folder, facts in (("a", numbers), ("b", texts)):
+        text = (
+            library.new(tmp_path / folder / "c", **facts) / "craft.toml"
+        ).read_text()
+        files.append(re.sub("made by .*", "", text))
+    assert files[0] == files[1]
+
+
+@pytest.mark.parametrize(
+    ("facts", "message"),
+    [
+        ({"rods": True}, "rods=True: a number in A.m2, or a text as of"),
+        ({"size": 12}, "size=12: a text as of `desat new craft --size` is needed"),
+        ({"mass": [1.0, 2.0]}, "mass=[1.0, 2.0]: a number in kg, or a text"),
+        ({"box": ["a", 1, 2]}, "box=['a', 1, 2]: numbers in m, or a text"),
+        ({"mass": math.nan}, "--mass nan kg: a number is needed"),
+        ({"altitude": 450}, "--altitude 450.0 m: 150 to 2000 km are covered"),
+        ({"rod": 0.2}, "rod: no fact of a craft; did you mean rods?"),
+    ],
+)
+def test_a_value_without_a_meaning_is_refused_in_a_line(tmp_path, facts, message):
+    with pytest.raises(DesatError) as refusal:
+        library.new(tmp_path / "c", **facts)
+    assert message in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+    assert not (tmp_path / "c").exists()

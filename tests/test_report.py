@@ -105,8 +105,8 @@ def test_values_that_hardly_differ_keep_their_digits():
     assert np.abs(numbers(plot["series"][0]) - (7.0e6 + 1e-3 * x)).max() < 1e-8
 
 
-def test_a_day_of_thirty_series_is_below_3_megabytes():
-    """With the SVG of its figures and the script."""
+def test_a_day_of_thirty_series_is_below_6_megabytes():
+    """With the SVG of its figures, the script and all samples."""
     figures = [figure(3, 86_400) for _ in range(10)]
     answer = interactive.data_of(figures)
     size = len(json.dumps(answer)) + sum(len(f.svg()) for f in figures)
@@ -114,7 +114,7 @@ def test_a_day_of_thirty_series_is_below_3_megabytes():
         p.stat().st_size
         for p in Path(report.__file__).parents[1].rglob("templates/**/*")
     )
-    assert 500_000 < size + script < 3_000_000
+    assert 500_000 < size + script < 6_000_000
     assert len(answer["grids"]) == 1  # of all plots
     assert {len(numbers(s)) for p in answer["plots"] for s in p["series"]} == {
         answer["most"]
@@ -436,6 +436,54 @@ def test_a_click_on_a_bar_names_its_cases_and_on_one_its_command(browser, campai
     named.locator(".case").last.click()
     assert f"{data['command']} {bars['cases'][k][-1]}" in named.inner_text()
     tab.close()
+
+
+def save_csv(browser, file, title):
+    """Save the data of a figure by its button; return the lines of the file."""
+    tab = browser.new_page()
+    tab.goto(file.as_uri())
+    button = tab.get_by_label(f"save {title} as CSV", exact=True)
+    with tab.expect_download() as download:
+        button.click()
+    text = Path(download.value.path()).read_text()
+    tab.close()
+    return text.splitlines()
+
+
+@pytest.mark.parametrize(
+    ("title", "series", "factor"),
+    [
+        ("Wheel momentum", "wheels.h_wheel", 1e3),
+        ("Dipole </script><img>", "torquers.m_mean_body", 1.0),
+    ],
+)
+def test_csv_of_a_figure_has_all_samples_to_six_digits(
+    browser, page, monkeypatch, tmp_path, title, series, factor
+):
+    monkeypatch.setattr(interactive, "FEWEST", 20)
+    monkeypatch.setattr(interactive, "VALUES", 20)
+    run = load_run(page.parent)
+    lines = save_csv(browser, report.write_report(tmp_path, run), title)
+    assert lines[0].startswith("time [s],")
+    rows = [[float(x) for x in line.split(",")] for line in lines[1:]]
+    assert [row[0] for row in rows] == run.results.times(series).tolist()
+    values = factor * run.results.values(series)
+    found = np.array([row[1:] for row in rows])
+    sixth_digit = 10.0 ** (np.floor(np.log10(np.abs(values))) - 5.0)
+    assert (np.abs(found - values) < sixth_digit).all()
+
+
+def test_csv_of_a_page_without_all_samples_says_so_in_its_first_line(
+    browser, page, monkeypatch, tmp_path
+):
+    for limit in ("FEWEST", "VALUES", "SAMPLES"):
+        monkeypatch.setattr(interactive, limit, 20)
+    run = load_run(page.parent)
+    lines = save_csv(browser, report.write_report(tmp_path, run), "Wheel momentum")
+    count = len(run.results.times())
+    assert lines[0].startswith(f"# minima and maxima of 10 bins of {count} samples")
+    assert len(lines) == 2 + 20
+    assert max(len(x) for x in lines[2].split(",")) < 14
 
 
 def test_without_javascript_the_svg_is_shown(browser, page):

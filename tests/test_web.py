@@ -7,6 +7,7 @@ such.
 
 from __future__ import annotations
 
+import csv
 import importlib.util
 import json
 import re
@@ -31,11 +32,11 @@ from desat.runs.prepare import prepare, read
 from desat.runs.run import Options, Run, execute
 from desat.studies import ranking
 from desat.studies.ranking import options_of_laws
-from desat.system.options import sets_of
+from desat.system.options import sets_of, with_assignment
 from desat.system.parameters import parse_assignment
 from desat.web import module, page
 from desat.web.script import numpy_source, script
-from desat.web.sliders import usual
+from desat.web.sliders import asked_of, usual, usual_of
 
 NODE = shutil.which("node")
 needs_node = pytest.mark.skipif(NODE is None, reason="no node")
@@ -722,6 +723,61 @@ def test_sliders_of_a_craft_with_thrusters_are_those_of_its_dumps(
     assert end.high < begin.start
 
 
+# the pulses of its law do not follow the thrusters, whose torques a test sets
+OF_GEO = Options(stop=100.0, sets=["manager.pulse_body=1e-3,1e-3,1e-3"])
+
+
+@pytest.fixture(scope="module")
+def geo(tmp_path_factory):
+    """A craft that dumps by thrusters alone."""
+    folder = tmp_path_factory.mktemp("geo") / "c"
+    line = ["new", "craft", str(folder), *shlex.split(GEO)]
+    assert CliRunner().invoke(cli.app_for([]), line).exit_code == 0
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("target", "inputs", "shown"),
+    [
+        ("thrusters.tau_level", "0.03,0.03,0.03", 30.0),
+        ("thrusters.tau_level[2]", "0.03,0.02,0.01", 20.0),
+        ("wheels.h_start_wheel", "2,2,2,2", 2.0),
+        ("spacecraft.residual_dipole_body", "0,3,4", 5.0),
+        ("spacecraft.omega_start_body", "1e-3,1e-3,1e-3", 0.099239),
+    ],
+)
+def test_a_slider_shows_one_quantity_and_sets_what_is_typed(geo, target, inputs, shown):
+    """An element, equal elements, or the size of a vector in space."""
+    array = target.partition("[")[0]
+    options = with_assignment(OF_GEO, f"{array}={inputs}")
+    system, _ = prepare(read(str(geo)), options).or_raise()
+    found = usual_of(target, system) or asked_of(f"{target}=0:50", system)
+    assert found.start == pytest.approx(shown, rel=1e-4)
+    owner, _, name = array.partition(".")
+    before = system.components[owner].values[name]
+    for value in (shown, 2.0 * shown):
+        text = found.value_text(value, before)
+        again, _ = prepare(read(str(geo)), with_assignment(options, text)).or_raise()
+        factor = value / shown
+        elements = again.components[owner].values[name]
+        if "[" in target:
+            assert elements == pytest.approx([before[0], factor * before[1], before[2]])
+        else:
+            assert elements == pytest.approx([factor * x for x in before], rel=1e-4)
+
+
+def test_torques_that_differ_about_the_axes_have_a_slider_each(geo):
+    options = with_assignment(OF_GEO, "thrusters.tau_level=0.03,0.02,0.01")
+    system, _ = prepare(read(str(geo)), options).or_raise()
+    found = {s.name: s for s in usual(system) if "tau_level" in s.name}
+    assert {n: s.start for n, s in found.items()} == {
+        "thrusters.tau_level[1]": 30.0,
+        "thrusters.tau_level[2]": 20.0,
+        "thrusters.tau_level[3]": 10.0,
+    }
+    assert len({s.title for s in found.values()}) == 3
+
+
 def test_a_craft_with_coils_and_thrusters_has_the_sliders_of_both():
     names = [
         s.name
@@ -816,6 +872,121 @@ const told = flight.warnings;""",
     ]
     assert messages
     assert {*messages} == {*warned}
+
+
+@pytest.fixture(scope="module")
+def page_to_save(craft):
+    """The page of a craft that flies 3000 s in steps of 1 s."""
+    sliders = [
+        "torquers.m_limit=0.05:0.8",
+        "wheels.speed_limit=1000 rpm:9000 rpm",
+        "wheels.h_start_wheel=0 mN.m.s:30 mN.m.s",
+        "manager.gain=1e-9:4e-3",
+        "spacecraft.residual_dipole_body=0:20",
+    ]
+    options = Options(stop=3000.0, substeps=1)
+    return page.export(str(craft), {"own": options}, sliders, craft.parent / "s.html")
+
+
+LINES = """globalThis.postMessage = () => {};
+const [told0, worker, moved] = input;
+(0, eval)(worker.replace('"use strict";', "") + ";globalThis.Flight = Flight;");
+const flight = new Flight(told0, new WebAssembly.Module(Buffer.from(told0.wasm, "base64")));
+flight.begin(0, moved);
+while (flight.some());
+const told = { before: flight.warnings, after: flight.remarks(), unmet: flight.unmet(),
+  numbers: Object.keys(flight.numbers()) };"""
+
+
+def lines_alike(path: Path, target: str, options: Options, moved: dict[str, float]):
+    """The lines of a run, after it was found that a flight of a page has the same."""
+    facts, worker = told_of(path)
+    found = node(LINES, [facts, worker, moved])
+    law = facts["laws"][0]
+    sliders = {s["name"]: s for s in law["sliders"]}
+    sets = [text_of(sliders[n], x, law["values"]) for n, x in moved.items()]
+    options = Options(**{**vars(options), "sets": [*options.sets, *sets]})
+    manifest = execute(target, options, None).manifest
+    before = prepare(target, options).checked.warnings
+    if not moved:
+        assert {*found["before"]} == {*before}
+    after = {x for x in manifest.warnings if "accuracy is shown up to" not in x}
+    assert {*found["after"]} == after - {*before}
+    exact = [re.sub(r"[\d.]+e-1\d", "0", x) for x in found["unmet"]]  # of roundings
+    assert {*exact} == {re.sub(r"[\d.]+e-1\d", "0", x) for x in manifest.unmet}
+    balance = {"left_rms", "unmanaged_rms"}
+    assert balance & {*found["numbers"]} == balance & manifest.numbers.keys()
+    return "\n".join([*found["before"], *found["after"], *found["unmet"]])
+
+
+@needs_node
+@needs_zig
+@pytest.mark.parametrize(
+    ("moved", "text"),
+    [
+        ({}, ""),
+        ({"wheels.h_start_wheel": 14.9}, "was at its speed limit for"),
+        ({"spacecraft.residual_dipole_body": 20.0}, "the attitude was lost: "),
+        ({"manager.gain": 1e-9}, "it does nothing"),
+    ],
+    ids=["as it is", "full wheels", "lost attitude", "no effect"],
+)
+def test_a_page_warns_after_a_flight_as_a_run_does(craft, page_to_save, moved, text):
+    options = Options(stop=3000.0, substeps=1)
+    assert text in lines_alike(page_to_save.path, str(craft), options, moved)
+
+
+@needs_node
+@needs_zig
+def test_a_page_says_what_a_star_tracker_at_the_earth_costs(tmp_path):
+    target = "nadir_day/star-tracker-prompt"
+    sets = ["star_tracker.boresight_body=0,0,1"]
+    options = Options(stop=5000.0, substeps=1, sets=sets)
+    sliders = ["torquers.m_limit=0.05:2"]
+    answer = page.export(target, {"own": options}, sliders, tmp_path / "page.html")
+    lines = lines_alike(answer.path, target, options, {})
+    for text in ("it was never valid (lost_to = 2", "not checked: left_rms, unmanaged"):
+        assert text in lines
+
+
+# a craft, options of its run, and the line of its thrusters
+FIRINGS = {
+    "empty tank": (
+        "--altitude 600km --size 12U --wheels '3 axes 10mNms' --rods none --secular 20uNm "
+        "--thrusters '4 50mN' --dump 'thrusters 70:10' --propellant 0.0001kg",
+        Options(stop=3000.0, substeps=1),
+        "its tank of 0.0001 kg is empty from",
+    ),
+    "short pulses": (
+        "--thrusters 10mN",
+        Options(
+            stop=6000.0,
+            substeps=1,
+            sources=["manager=manager_combined"],
+            sets=[
+                "manager.split=dct",
+                "manager.g_rate=1e-5",
+                "manager.sample_time=10",
+                "wheels.h_start_wheel=0.005,0.005,0.005,0.005",
+                "thrusters.carried=false",
+            ],
+        ),
+        "N m s, never fired",
+    ),
+}
+
+
+@needs_node
+@needs_zig
+@pytest.mark.parametrize("kind", FIRINGS)
+def test_a_page_warns_of_thrusters_as_a_run_does(tmp_path, kind):
+    inputs, options, text = FIRINGS[kind]
+    target = tmp_path / "c"
+    line = ["new", "craft", str(target), *shlex.split(inputs)]
+    assert CliRunner().invoke(cli.app_for([]), line).exit_code == 0
+    sliders = ["spacecraft.residual_dipole_body=0:1"]
+    answer = page.export(str(target), {"own": options}, sliders, tmp_path / "page.html")
+    assert text in lines_alike(answer.path, str(target), options, {})
 
 
 class Tab:
@@ -1021,17 +1192,51 @@ def test_a_page_answers_in_a_sentence_and_says_who_made_it(browser, craft, tmp_p
     text = at.text("answer")
     assert text.startswith("Does not hold: a wheel is full after")
     assert "Largest wheel momentum" in text.partition("NOT MET: ")[2]
+    assert any("was at its speed limit for" in line for line in at.warnings())
     at.tab.close()
+
+
+def save_csv(tab: Any) -> list[list[str]]:
+    """The rows of the file that the first CSV button saves."""
+    with tab.expect_download() as download:
+        tab.locator("figure .save").first.get_by_text("CSV", exact=True).click()
+    return [*csv.reader(Path(download.value.path()).read_text().splitlines())]
+
+
+@needs_zig
+def test_csv_of_a_chart_has_all_samples_of_both_flights(browser, craft, page_to_save):
+    """Of the flight that is shown and of the one that was kept, as runs have them."""
+    at = Tab(browser, page_to_save.path)
+    at.tab.locator("#compare").click()
+    at.type("torquers.m_limit", "0.06")
+    head, *rows = save_csv(at.tab)
+    at.tab.close()
+    for label, sets in [("", ["torquers.m_limit=0.06"]), (", kept", [])]:
+        run = execute(str(craft), Options(stop=3000.0, substeps=1, sets=sets), None)
+        fullest = 1e3 * np.abs(run["wheels.h_wheel"]).max(axis=1)
+        column = head.index(f"with management{label} [mN m s]")
+        found = np.array([row[column] for row in rows], dtype=float)
+        assert np.allclose(found, fullest, rtol=1e-9, atol=0.0)
+
+
+@needs_zig
+def test_csv_of_a_flight_that_is_gone_says_what_it_holds(browser, page_to_save):
+    """One that cannot start has taken its place: what is drawn is saved, and said."""
+    at = Tab(browser, page_to_save.path)
+    at.tab.evaluate("location.hash = 'wheels.speed_limit=-1'")
+    at.wait()
+    assert at.text("fault")
+    note, _, *rows = save_csv(at.tab)
+    at.tab.close()
+    assert note[0].startswith("# minima and maxima of 600 bins of 3001 samples")
+    assert len(rows) == 1200
 
 
 @needs_zig
 def test_charts_of_a_page_are_saved_and_its_view_follows_the_pointer(
-    browser, craft, tmp_path
+    browser, page_to_save, tmp_path
 ):
-    answer = page.export(
-        str(craft), {"own": Options(stop=3000.0, substeps=1)}, [], tmp_path / "p.html"
-    )
-    at = Tab(browser, answer.path)
+    at = Tab(browser, page_to_save.path)
     tab = at.tab
     assert tab.locator(".save").count() == tab.evaluate("desat.charts.length")
     bar = tab.locator("figure .save").first
@@ -1048,7 +1253,7 @@ def test_charts_of_a_page_are_saved_and_its_view_follows_the_pointer(
         else:
             head, *lines = file.read_text().splitlines()
             assert head.startswith("time [s],with management [mN m s]")
-            assert len(lines) == tab.evaluate("desat.shown.times.length")
+            assert [float(x.partition(",")[0]) for x in lines] == [*range(3001)]
     box = tab.locator("figure .u-over").first.bounding_box()
     tab.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 20)
     count = tab.evaluate("desat.scene.data.count")

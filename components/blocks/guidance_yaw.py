@@ -11,8 +11,7 @@ from ..physics.orbit import lvlh_attitude
 
 
 class GuidanceYaw(PointingLaw):
-    """Yaw steering: nadir pointing, turned about nadir so that a panel's axis is across
-    the Sun
+    """Yaw steering: nadir pointing with a panel's axis kept perpendicular to the Sun
 
     With s = (s_x, s_y, s_z) the unit vector to the Sun in lvlh (z to nadir, y to minus
     orbit normal) and n = |r x v| / r^2, the craft is turned from lvlh by

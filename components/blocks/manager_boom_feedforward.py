@@ -34,8 +34,7 @@ NADIR: Vec3 = (0.0, 0.0, 1.0)  # of a craft that is aligned with the orbit, body
 
 
 class ManagerBoomFeedforward(Boom, EarthField):
-    """One to three wheels keep a boom upright, and take what a firing gives while it
-    gives it
+    """One to three wheels keep a boom upright, with feedforward of each firing
 
     The sample period is T = `sample_time`. With theta the rotation vector from the
     reference to the body, omega_o the rate relative to the reference, h the wheels'

@@ -37,8 +37,7 @@ def missed(before: int, torque: float, got: float, limit: float) -> int:
 
 
 class ManagerDetumblingRollout(Manager, WheelInertias):
-    """Detumbling with torques of the wheels that are looked for by flying them in a
-    model
+    """Detumbling with wheel torques that are chosen by simulating them in a model
 
     Every coil within its limit, and every wheel within its limit and outside of a
     sequence, follows

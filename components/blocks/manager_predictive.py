@@ -89,8 +89,7 @@ AT_1, AT_2 = 0.21132486540518713, 0.7886751345948129  # Gauss points
 
 
 class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
-    """One law for every craft: plans on a forecast of field and torque, replanned as it
-    goes
+    """One law for every craft: plans on a forecast of field and torque, and replans
 
     Every 30 s, or `sample_time` where that is longer, coils and thrusters are planned
     over the next 1.5 orbits, or until `end`. A plan has up to 64 intervals: the first

@@ -7,9 +7,10 @@ orbit that it does not move, and commands may never fire.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..numbers.text import Value
 from ..system.model import Component, System
@@ -18,6 +19,8 @@ from .manifest import Manifest
 
 if TYPE_CHECKING:
     from ..engine.recording.results import Results
+
+Array = NDArray[Any]
 
 KEY = "firings"
 NUMBERS = ()
@@ -69,70 +72,112 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
 
 def unmet(manifest: Manifest, results: Results) -> list[str]:
     """Return a line if thrusters are commanded and never fire."""
-    impulses = _impulses(manifest, results)
-    if impulses is None or impulses[2] > 0.0 or not any(impulses[0]):
-        return []
+    series = _series(manifest, results)
     parts: FiringParts = manifest.parts[KEY]
-    return [
-        f"{parts.thrusters}: commanded {np.sum(impulses[0]):.3g} N m s, never fired: on-times "
-        "below half of least_pulse, or below least_on_time, are left out"
-    ]
+    return [] if series is None else describe_silence(parts.thrusters, *series)
 
 
 def remarks(manifest: Manifest, results: Results) -> list[str]:
-    """Return a line for an empty tank, or for each axis with little impulse fired.
-
-    It is little if most of the commanded impulse is not fired.
-    """
-    impulses, parts = _impulses(manifest, results), manifest.parts[KEY]
-    if impulses is None or impulses[2] == 0.0 or parts.scheduled:
+    """Return a line for an empty tank, or for each axis with little impulse fired."""
+    series, parts = _series(manifest, results), manifest.parts[KEY]
+    if series is None or parts.scheduled:
         return []
-    commanded, delivered, _ = impulses
     tank = manifest.values_of(parts.thrusters).get("tank", 0.0)
     spent = f"{parts.thrusters}.propellant"
-    if tank > 0.0 and spent in results.names():
-        used, times = results.values(spent), results.times()
-        if used[-1] >= tank * (1.0 - 1e-9):
-            empty = float(times[int(np.argmax(used >= tank * (1.0 - 1e-9)))])
-            return [
-                f"{parts.thrusters}: its tank of {tank:g} kg is empty from {empty:g} s on, and "
-                "fires nothing more"
-            ]
-    return [
-        f"{parts.thrusters}: commanded {commanded[i]:.3g} N m s about {axis}, fired "
-        f"{delivered[i]:.3g}: shorter on-times than it can give are left out"
-        for i, axis in enumerate("xyz")
-        if delivered[i] < MOST * commanded[i]
-    ]
+    used = results.values(spent) if spent in results.names() else np.zeros(1)
+    return describe_firings(parts.thrusters, tank, used, *series)
 
 
-def _impulses(
-    manifest: Manifest, results: Results
-) -> tuple[list[float], list[float], float] | None:
-    """Compute commanded and given impulse about each axis, and the on-time (s).
-
-    Impulses are in N m s. A commanded impulse that is too small to count is 0. None
-    where series are not recorded.
-    """
-    parts: FiringParts = manifest.parts[KEY]
-    names = (
+def series_of(parts: FiringParts) -> tuple[str, str, str, str]:
+    """Return the series of command, torque, on-time and momentum of the wheels."""
+    return (
         f"{parts.manager}.tau_cmd_thruster_body",
         f"{parts.thrusters}.tau_mean_thruster_body",
         f"{parts.thrusters}.on_time",
         f"{parts.spacecraft}.h_copy_wheel",
     )
+
+
+def _series(manifest: Manifest, results: Results) -> tuple[Array, ...] | None:
+    """Return times (s) and the series of `series_of`; None if not recorded."""
+    names = series_of(manifest.parts[KEY])
     if not set(names) <= set(results.names()):
         return None
-    command, torque, on_time, h = (results.values(n) for n in names)
-    times = results.times()
-    if not len(on_time) or len(times) < 2 or not len(command):
-        return None
-    steps = np.append(np.diff(times), times[-1] - times[-2])
-    commanded, delivered = (
-        np.abs(x * steps[: len(x), None]).sum(axis=0) for x in (command, torque)
-    )
-    counts = commanded > COUNTS * float(np.abs(h).max())
-    return (commanded * counts).tolist(), delivered.tolist(), float(on_time[-1])
+    return results.times(), *(results.values(n) for n in names)
+
+
+# --- Lines from series, which a live page makes by the same functions -----------------
+
+
+def describe_silence(
+    name: str, times: Array, command: Array, torque: Array, on_time: Array, h: Array
+) -> list[str]:
+    """Return a line if thrusters are commanded and never fire."""
+    if not has_rows(times, command, on_time) or float(on_time[-1]) > 0.0:
+        return []
+    commanded = sum_commands(times, command, h)
+    if not commanded.any():
+        return []
+    return [
+        f"{name}: commanded {commanded.sum():.3g} N m s, never fired: on-times "
+        "below half of least_pulse, or below least_on_time, are left out"
+    ]
+
+
+def describe_firings(
+    name: str,
+    tank: float,
+    used: Array,
+    times: Array,
+    command: Array,
+    torque: Array,
+    on_time: Array,
+    h: Array,
+) -> list[str]:
+    """Return a line for an empty tank, or for each axis with little impulse fired.
+
+    It is little if most of the commanded impulse is not fired. `used` is the propellant
+    used until each row (kg), of a `tank` (kg; 0: without an end).
+    """
+    if not has_rows(times, command, on_time) or float(on_time[-1]) == 0.0:
+        return []
+    full = tank * (1.0 - 1e-9)
+    if tank > 0.0 and float(used[-1]) >= full:
+        empty = float(times[int(np.argmax(used.reshape(-1) >= full))])
+        return [
+            f"{name}: its tank of {tank:g} kg is empty from {empty:g} s on, and "
+            "fires nothing more"
+        ]
+    commanded = sum_commands(times, command, h)
+    delivered = sum_impulses(times, torque)
+    lines: list[str] = []
+    for i, axis in enumerate(["x", "y", "z"]):
+        if delivered[i] < MOST * commanded[i]:
+            lines = [
+                *lines,
+                f"{name}: commanded {commanded[i]:.3g} N m s about {axis}, fired "
+                f"{delivered[i]:.3g}: shorter on-times than it can give are left out",
+            ]
+    return lines
+
+
+def has_rows(times: Array, command: Array, on_time: Array) -> bool:
+    """Return whether there are enough rows to sum firings."""
+    return len(on_time) > 0 and len(command) > 0 and len(times) > 1
+
+
+def sum_impulses(times: Array, torque: Array) -> Array:
+    """Compute the impulse (3,; N m s) of torques (rows, 3; N m), each sign counted."""
+    steps = np.append(np.diff(times), times[-1] - times[-2])[: len(torque), None]
+    impulses: Array = np.abs(torque * steps).sum(axis=0)
+    return impulses
+
+
+def sum_commands(times: Array, command: Array, h: Array) -> Array:
+    """Compute the commanded impulse (3,; N m s), 0 where it is too small to count."""
+    commanded = sum_impulses(times, command)
+    counted: Array = commanded * (commanded > COUNTS * float(np.abs(h).max()))
+    return counted
 
 
 def warnings(system: System) -> list[str]:

@@ -6,10 +6,12 @@ wheels.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..numbers.derived import pointing, wanted_attitude
 from ..numbers.text import Value
@@ -20,6 +22,8 @@ from .manifest import Manifest
 
 if TYPE_CHECKING:
     from ..engine.recording.results import Results
+
+Array = NDArray[Any]
 
 KEY = "health"
 NUMBERS = ()
@@ -114,53 +118,11 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
     parts: HealthParts = manifest.parts[KEY]
     if not manifest.completed:
         return []
-    there, lines = set(results.names()), []
-    for name in parts.sensors:
-        series = f"{name}.valid"
-        if series in there and len(valid := results.values(series)) and not valid.any():
-            lines.append(
-                f"{name}: it was never valid{_reason(manifest, results, name)}"
-            )
-    error, held = _attitude_error(parts, results)
-    if error > ATTITUDE_LOST_DEG and held:
-        lines.append(
-            f"the attitude was lost: {error:.3g} deg from its reference, rms in the "
-            "second half of the run"
-        )
-    return lines
-
-
-def _reason(manifest: Manifest, results: Results, name: str) -> str:
-    """Return the most frequent reason why a sensor is not valid, or ""."""
-    series = f"{name}.lost_to"
-    if series not in set(results.names()) or not len(codes := results.values(series)):
-        return ""
-    most = int(np.bincount(np.maximum(codes.astype(int), 0)).argmax())
-    return f" (lost_to = {most} most often: {results.attribute(series, 'description')})"
-
-
-def _attitude_error(parts: HealthParts, results: Results) -> tuple[float, bool]:
-    """Compute the rms attitude error (deg) in the second half of the run.
-
-    The second value is whether the attitude had been held. The error is 0 where it is
-    not known.
-    """
-    recorded = set(results.names())
-    if parts.attitude is None or not set(parts.attitude) <= recorded:
-        return 0.0, False
-    attitude, held = parts.attitude
-    q, reference = (
-        results.values(s) for s in (attitude, wanted_attitude(held, recorded))
-    )
-    count = min(len(q), len(reference))
-    if count < 2:
-        return 0.0, False
-    error, times = pointing(q[:count], reference[:count]), results.times()[:count]
-    away = np.flatnonzero(np.append(error >= HELD, True))
-    begins = np.append(0, away[:-1] + 1)
-    lasts = times[np.minimum(away, count - 1)] - times[np.minimum(begins, count - 1)]
-    late = error[count // 2 :]
-    return float(np.sqrt((late**2).mean())), bool((lasts >= WHILE).any())
+    lines = []
+    for name, valid, codes, meaning in _sensors(parts, results):
+        lines += describe_dead_sensor(name, valid, codes, meaning)
+    attitude = _attitude_series(parts, results)
+    return lines if attitude is None else lines + describe_lost_attitude(*attitude)
 
 
 def remarks(manifest: Manifest, results: Results) -> list[str]:
@@ -168,26 +130,125 @@ def remarks(manifest: Manifest, results: Results) -> list[str]:
     parts: HealthParts = manifest.parts[KEY]
     series, lines = f"{parts.wheels}.saturated_wheel", []
     if series in set(results.names()) and len(full := results.values(series)):
-        share = np.atleast_2d(full.astype(float).T).mean(axis=1)
-        lines += [
-            f"{parts.wheels}: wheel {i + 1} was at its speed limit for {100.0 * x:.3g} % of "
-            "the run"
-            for i, x in enumerate(share.tolist())
-            if x > FULL
-        ]
+        lines += describe_full_wheels(str(parts.wheels), full)
+    for name, valid, codes, meaning in _sensors(parts, results):
+        lines += describe_rare_sensor(name, valid, codes, meaning)
+    attitude = _attitude_series(parts, results)
+    return lines if attitude is None else lines + describe_missed_attitude(*attitude)
+
+
+def _sensors(
+    parts: HealthParts, results: Results
+) -> Iterator[tuple[str, Array, Array, str]]:
+    """Yield name, `valid`, `lost_to` and what its codes mean of each recorded sensor."""
+    there = set(results.names())
     for name in parts.sensors:
-        there = f"{name}.valid" in set(results.names())
-        valid = results.values(f"{name}.valid") if there else np.empty(0)
-        if len(valid) and 0.0 < (share := float(valid.mean())) < SELDOM:
-            lines.append(
-                f"{name}: it was valid in {100.0 * share:.2g} % of the run"
-                f"{_reason(manifest, results, name)}"
-            )
-    error, held = _attitude_error(parts, results)
-    times = results.times()
-    if error > ATTITUDE_LOST_DEG and not held and times[-1] - times[0] >= TIME:
-        lines.append(
-            f"the attitude never stayed within {HELD:g} deg of its reference for "
-            f"{WHILE:g} s: {error:.3g} deg rms in the second half of the run"
-        )
+        if f"{name}.valid" not in there or not len(results.values(f"{name}.valid")):
+            continue
+        codes, meaning = np.empty(0), ""
+        if (lost_to := f"{name}.lost_to") in there:
+            codes = results.values(lost_to)
+            meaning = results.attribute(lost_to, "description")
+        yield name, results.values(f"{name}.valid"), codes, meaning
+
+
+def _attitude_series(
+    parts: HealthParts, results: Results
+) -> tuple[Array, Array, Array] | None:
+    """Return times (s), attitude and reference (rows, 4) alike; None if not recorded."""
+    recorded = set(results.names())
+    if parts.attitude is None or not set(parts.attitude) <= recorded:
+        return None
+    attitude, held = parts.attitude
+    q = results.values(attitude)
+    reference = results.values(wanted_attitude(held, recorded))
+    count = min(len(q), len(reference))
+    return results.times(), q[:count], reference[:count]
+
+
+# --- Lines from series, which a live page makes by the same functions -----------------
+
+
+def describe_full_wheels(name: str, saturated: Array) -> list[str]:
+    """Return a line for each wheel that is saturated for a share of the time."""
+    shares = saturated.reshape(len(saturated), -1).astype(float).mean(axis=0)
+    lines: list[str] = []
+    for i, share in enumerate(shares):
+        if share > FULL:
+            lines = [
+                *lines,
+                f"{name}: wheel {i + 1} was at its speed limit for {100.0 * share:.3g} % "
+                "of the run",
+            ]
     return lines
+
+
+def describe_dead_sensor(
+    name: str, valid: Array, codes: Array, meaning: str
+) -> list[str]:
+    """Return a line if a sensor was never valid, with the most frequent reason."""
+    if valid.any():
+        return []
+    return [f"{name}: it was never valid{describe_reason(codes, meaning)}"]
+
+
+def describe_rare_sensor(
+    name: str, valid: Array, codes: Array, meaning: str
+) -> list[str]:
+    """Return a line if a sensor was valid, but rarely, with the most frequent reason."""
+    share = float(valid.astype(float).mean())
+    if share == 0.0 or share >= SELDOM:
+        return []
+    reason = describe_reason(codes, meaning)
+    return [f"{name}: it was valid in {100.0 * share:.2g} % of the run{reason}"]
+
+
+def describe_reason(codes: Array, meaning: str) -> str:
+    """Return the most frequent code why a sensor is not valid; "" without codes."""
+    if len(codes) == 0:
+        return ""
+    most = int(np.bincount(np.ravel(np.maximum(codes.astype(int), 0))).argmax())
+    return f" (lost_to = {most} most often: {meaning})"
+
+
+def compute_attitude_error(
+    times: Array, q: Array, reference: Array
+) -> tuple[float, float]:
+    """Compute rms attitude error (deg) in the second half, and the longest time held (s).
+
+    An attitude is held while its error is below `HELD`. Both are 0 for less than two
+    rows.
+    """
+    count = len(q)
+    if count < 2:
+        return 0.0, 0.0
+    error = pointing(q, reference)
+    away = np.flatnonzero(np.append(error >= HELD, True))
+    begins = np.append(0, away[:-1] + 1)
+    ends = times[np.minimum(away, count - 1)]
+    spans = ends - times[np.minimum(begins, count - 1)]
+    late = error[count // 2 :]
+    return float(np.sqrt((late**2).mean())), float(spans.max())
+
+
+def describe_lost_attitude(times: Array, q: Array, reference: Array) -> list[str]:
+    """Return a line if an attitude that had been held was lost."""
+    error, held = compute_attitude_error(times, q, reference)
+    if error <= ATTITUDE_LOST_DEG or held < WHILE:
+        return []
+    return [
+        f"the attitude was lost: {error:.3g} deg from its reference, rms in the "
+        "second half of the run"
+    ]
+
+
+def describe_missed_attitude(times: Array, q: Array, reference: Array) -> list[str]:
+    """Return a line if an attitude was never held, though there was time for it."""
+    error, held = compute_attitude_error(times, q, reference)
+    is_short = times[-1] - times[0] < TIME
+    if error <= ATTITUDE_LOST_DEG or held >= WHILE or is_short:
+        return []
+    return [
+        f"the attitude never stayed within {HELD:g} deg of its reference for "
+        f"{WHILE:g} s: {error:.3g} deg rms in the second half of the run"
+    ]

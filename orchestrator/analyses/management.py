@@ -697,7 +697,7 @@ def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
     if reason := missing(signals(parts), results):
         return dict.fromkeys(NUMBERS, reason)
     if parts.holds and (error := _largest_late_error(parts, results)) is not None:
-        return dict.fromkeys(OF_BALANCE, f"the attitude was lost ({error:.3g} deg)")
+        return dict.fromkeys(OF_BALANCE, describe_lost(error))
     if parts.holds and (reason := missing(balanced(parts), results)):
         return dict.fromkeys(OF_BALANCE, reason)
     return {}
@@ -718,24 +718,18 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
         return lines
     if _largest_late_error(parts, results) is not None:
         return lines
-    if (share := removed(manifest, results)) is not None and share < NOTHING:
-        return [
-            *lines,
-            f"management: {parts.manager} is on and takes out {100.0 * share:.2g} % of "
-            "what comes in: it does nothing",
-        ]
-    compared = compare(manifest, results)
-    if compared is None:
+    held = balance(manifest, results)
+    if held is None:
         return lines
-    deviation, without = compared
-    capacity = _capacity(manifest.values_of(parts.wheels or ""))
-    if deviation <= (1.0 + ALIKE) * max(without, parts.deadband) + SMALL * capacity:
-        return lines
-    return [
-        *lines,
-        f"management: wheel momentum less its target is {deviation:.3g} N m s rms in the "
-        f"second half of the run, without management it would be {without:.3g}",
-    ]
+    return lines + describe_effect(
+        parts.manager,
+        held.times,
+        held.stored,
+        held.without,
+        held.target,
+        parts.deadband,
+        _capacity(manifest.values_of(parts.wheels or "")),
+    )
 
 
 def _driven(parts: ManagementParts, results: Results) -> list[str]:
@@ -743,13 +737,7 @@ def _driven(parts: ManagementParts, results: Results) -> list[str]:
     series = f"{parts.spacecraft}.omega_bi_body"
     if series not in set(results.names()):
         return []
-    rates = np.degrees(np.linalg.norm(results.values(series), axis=1))
-    if len(rates) < 2 or rates[-1] <= (1.0 + ALIKE) * rates[0] + SETTLED:
-        return []
-    return [
-        f"management: {parts.manager} is to brake a rotation, which began at {rates[0]:.3g} "
-        f"deg/s and ends at {rates[-1]:.3g} deg/s"
-    ]
+    return describe_braking(parts.manager, results.values(series))
 
 
 def _largest_late_error(parts: ManagementParts, results: Results) -> float | None:
@@ -761,7 +749,17 @@ def _largest_late_error(parts: ManagementParts, results: Results) -> float | Non
     series = [f"{parts.spacecraft}.q_bi", reference]
     if missing(series, results):
         return None
-    q, reference = (results.values(name) for name in series)
+    return largest_late_error(*(results.values(name) for name in series))
+
+
+# --- Lines from series, which a live page makes by the same functions -----------------
+
+
+def largest_late_error(q: Array, reference: Array) -> float | None:
+    """Return the largest attitude error in the second half (deg) of rows (rows, 4).
+
+    None where it is below `ATTITUDE_LOST_DEG`, or there are fewer than four rows.
+    """
     count = min(len(q), len(reference))
     if count < 4:
         return None
@@ -769,25 +767,73 @@ def _largest_late_error(parts: ManagementParts, results: Results) -> float | Non
     return error if error > ATTITUDE_LOST_DEG else None
 
 
-def removed(manifest: Manifest, results: Results) -> float | None:
+def describe_lost(error: float) -> str:
+    """Return why there is no balance of a craft with such an attitude error (deg)."""
+    return f"the attitude was lost ({error:.3g} deg)"
+
+
+def describe_braking(manager: str, omega: Array) -> list[str]:
+    """Return a line if the rate (rows, 3; rad/s) has grown under a law that brakes."""
+    rates = np.degrees(np.linalg.norm(omega, axis=1))
+    if len(rates) < 2 or rates[-1] <= (1.0 + ALIKE) * rates[0] + SETTLED:
+        return []
+    return [
+        f"management: {manager} is to brake a rotation, which began at {rates[0]:.3g} "
+        f"deg/s and ends at {rates[-1]:.3g} deg/s"
+    ]
+
+
+def describe_effect(
+    manager: str,
+    times: Array,
+    stored: Array,
+    without: Array,
+    target: Array,
+    deadband: float,
+    capacity: float,
+) -> list[str]:
+    """Return a line if management does nothing, or leaves more than there would be.
+
+    Momenta are in N m s: those of a `Balance` (rows, 3; body), the deadband of the law
+    and the capacity of the smallest wheel.
+    """
+    share = removed_share(
+        times, stored, without, target, max(deadband, SMALL * capacity)
+    )
+    if share is not None and share < NOTHING:
+        return [
+            f"management: {manager} is on and takes out {100.0 * share:.2g} % of "
+            "what comes in: it does nothing"
+        ]
+    deviation, unmanaged_deviation = off_target(times, stored, without, target)
+    if (
+        deviation
+        <= (1.0 + ALIKE) * max(unmanaged_deviation, deadband) + SMALL * capacity
+    ):
+        return []
+    return [
+        f"management: wheel momentum less its target is {deviation:.3g} N m s rms in the "
+        f"second half of the run, without management it would be {unmanaged_deviation:.3g}"
+    ]
+
+
+def removed_share(
+    times: Array, stored: Array, without: Array, target: Array, negligible: float
+) -> float | None:
     """Compute the momentum that management removes over the incoming momentum.
 
     Both are the largest during the run. The incoming momentum is the external impulse
     without that of management, and the initial wheel momentum beyond the target. None
-    where it is negligible, or too little is recorded.
+    where it is at most `negligible` (N m s), or the run is short.
     """
-    held = balance(manifest, results)
-    if held is None or held.times[-1] - held.times[0] < LONG_ENOUGH:
+    if times[-1] - times[0] < LONG_ENOUGH:
         return None
-    begin = np.linalg.norm(held.stored[0] - held.target)
-    gained = held.without - held.without[0]
-    brought = float(max(begin, np.linalg.norm(gained, axis=1).max()))
-    parts: ManagementParts = manifest.parts[KEY]
-    capacity = _capacity(manifest.values_of(parts.wheels or ""))
-    if brought <= max(parts.deadband, SMALL * capacity) or brought == 0.0:
+    begin = float(np.sqrt(((stored[0] - target) ** 2).sum()))
+    gained = without - without[0]
+    brought = max(begin, float(np.linalg.norm(gained, axis=1).max()))
+    if brought <= negligible or brought == 0.0:
         return None
-    taken = float(np.linalg.norm(held.stored - held.without, axis=1).max())
-    return taken / brought
+    return float(np.linalg.norm(stored - without, axis=1).max()) / brought
 
 
 def _wheels_of(manifest: Manifest, parts: ManagementParts) -> Values:

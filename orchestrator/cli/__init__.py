@@ -176,7 +176,6 @@ EXTRAS = {
     "pyarrow": "campaign",
     "pandas": "tables",
     "xarray": "tables",
-    "matplotlib": "figures",
     "ziglang": "web",
     "distributed": "cluster",
     "SALib": "cluster",

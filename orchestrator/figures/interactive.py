@@ -1,13 +1,16 @@
 """Convert figures to JSON for a page's script (`figures.js`, which draws with uPlot).
 
 They show what the SVG of `canvas` shows, with more points. The series of a figure share
-their times. Longer series are thinned to minimum and maximum in parts of equal length,
-so that all figures of a page together stay below 1.3 MB.
+their times. Longer series are drawn thinned to minimum and maximum in parts of equal
+length, so that what is drawn on a page stays below 1.3 MB; all their samples, which a
+reader saves, are packed beside it.
 """
 
 from __future__ import annotations
 
 import base64
+import math
+import zlib
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -20,6 +23,10 @@ from .canvas import Axes, Figure, Mark
 Array = NDArray[np.float64]
 VALUES = 200_000  # limit for all figures of a page, with 5.4 bytes per value
 FEWEST, MOST = 400, 20_000  # Limits of the values of a line.
+# limit of the samples of a page, with 1 to 3 bytes each: a day of 45 lines at 1 Hz
+SAMPLES = 4_000_000
+UNUSED_BITS = 3  # of a float's mantissa; the others are of six significant digits
+GRID_DIGITS = 12  # significant digits of the largest x of all samples
 
 
 def data_of(figures: Sequence[Figure]) -> JsonObject:
@@ -27,21 +34,76 @@ def data_of(figures: Sequence[Figure]) -> JsonObject:
 
     `grids` are values of x (s for times) as base64 of little-endian doubles. `plots`
     has an entry per figure; it is None for one that the script cannot draw, whose SVG
-    stays. `most` is the limit of the values of a line.
+    stays. `most` is the limit of the values of a line. `samples` of a thinned plot are
+    all its rows, without their values where the page would have more than `SAMPLES`;
+    `sample_grids` are the x of them.
     """
     lines = [_lines(f.axes[0]) if _drawable(f) else [] for f in figures]
     points = min(MOST, max(FEWEST, VALUES // max(sum(map(len, lines)), 1)))
     grids: dict[bytes, int] = {}
+    sample_grids: dict[str, int] = {}
     plots = [
         _plot(figure.axes[0], lines_of_figure, points, grids)
         if lines_of_figure
         else None
         for figure, lines_of_figure in zip(figures, lines, strict=True)
     ]
+    is_whole = sum(len(line.x) for of in lines for line in of) <= SAMPLES
+    for plot, lines_of_figure in zip(plots, lines, strict=True):
+        if plot is not None:
+            plot["samples"] = _samples(
+                lines_of_figure, plot["seconds"] or 1.0, points, is_whole, sample_grids
+            )
     return {
         "grids": [base64.b64encode(g).decode() for g in grids],
+        "sample_grids": [*sample_grids],
         "plots": plots,
         "most": points,
+    }
+
+
+def _samples(
+    lines: Sequence[_Line],
+    unit: float,
+    points: int,
+    is_whole: bool,
+    grids: dict[str, int],
+) -> JsonObject | None:
+    """Pack all samples of lines over x in `unit`; None if they are drawn as they are."""
+    x, columns = _shared([(line.x, line.y) for line in lines])
+    if len(x) <= points:
+        return None
+    if not is_whole:
+        return {"rows": len(x)}
+    grid = _pack_grid(unit * x)
+    return {
+        "rows": len(x),
+        "grid": grids.setdefault(grid, len(grids)),
+        "columns": [_pack(values) for values in columns],
+    }
+
+
+def _pack_grid(x: Array) -> str:
+    """Pack values of x as base64 of deflated differences (doubles), the first from 0."""
+    decimals = GRID_DIGITS - math.ceil(math.log10(np.abs(x).max() or 1.0))
+    steps = np.diff(np.round(x, decimals), prepend=0.0).round(decimals)
+    return base64.b64encode(zlib.compress(steps.astype("<f8").tobytes())).decode()
+
+
+def _pack(values: Array) -> JsonObject:
+    """Pack values as base64 of deflated floats, to six significant digits.
+
+    The bits of each float are replaced by their difference from the ones before, with
+    the sign in the lowest bit; all lowest bytes come first.
+    """
+    data, offset = _floats(values)
+    bits = data.view("<i4") + (1 << (UNUSED_BITS - 1)) & -1 << UNUSED_BITS
+    steps = np.diff(bits, prepend=np.int32(0))
+    signed_last = (steps << 1 ^ steps >> 31).astype("<i4")
+    by_byte = signed_last.view(np.uint8).reshape(-1, 4).T.tobytes()
+    return {
+        "data": base64.b64encode(zlib.compress(by_byte)).decode(),
+        "offset": offset,
     }
 
 
@@ -208,14 +270,9 @@ def thinned(
     Otherwise each has the minimum and maximum of each of `most` / 2 parts, in about the
     order in which they occur.
     """
-    longest = max((x for x, _ in lines), key=len)
-    alike = all(np.array_equal(x, longest[: len(x)]) for x, _ in lines)
-    shared = longest if alike else np.unique(np.concatenate([x for x, _ in lines]))
+    shared, is_alike = _shared_grid(lines)
     if len(shared) <= most:
-        columns = [np.full(len(shared), np.nan) for _ in lines]
-        for column, (x, y) in zip(columns, lines, strict=True):
-            column[np.searchsorted(shared, x)] = y
-        return shared, columns
+        return _shared(lines)
     parts = most // 2
     edges = np.linspace(shared[0], shared[-1], parts + 1)
     quarter = 0.25 * (edges[1] - edges[0])
@@ -223,8 +280,27 @@ def thinned(
     times[0], times[-1] = shared[0], shared[-1]
     starts = np.searchsorted(shared, edges[:-1])
     return times, [
-        _ends(y, starts if alike else np.searchsorted(x, edges[:-1])) for x, y in lines
+        _ends(y, starts if is_alike else np.searchsorted(x, edges[:-1]))
+        for x, y in lines
     ]
+
+
+def _shared_grid(lines: Sequence[tuple[Array, Array]]) -> tuple[Array, bool]:
+    """Return all x of lines, and whether each line has the first of them."""
+    longest = max((x for x, _ in lines), key=len)
+    is_alike = all(np.array_equal(x, longest[: len(x)]) for x, _ in lines)
+    if is_alike:
+        return longest, True
+    return np.unique(np.concatenate([x for x, _ in lines])), False
+
+
+def _shared(lines: Sequence[tuple[Array, Array]]) -> tuple[Array, list[Array]]:
+    """Return all x of lines, and the values of each, nan where it has none."""
+    shared, _ = _shared_grid(lines)
+    columns = [np.full(len(shared), np.nan) for _ in lines]
+    for column, (x, y) in zip(columns, lines, strict=True):
+        column[np.searchsorted(shared, x)] = y
+    return shared, columns
 
 
 def _ends(y: Array, starts: NDArray[np.intp]) -> Array:
@@ -248,14 +324,19 @@ def _ends(y: Array, starts: NDArray[np.intp]) -> Array:
     return ends.ravel()
 
 
-def _encode(values: Array) -> JsonObject:
-    """Encode values as base64 of little-endian floats.
+def _floats(values: Array) -> tuple[NDArray[np.float32], float]:
+    """Return values as little-endian floats, and an offset that is subtracted.
 
-    An offset is subtracted where the values hardly differ.
+    It is not 0 where the values hardly differ.
     """
     known = values[np.isfinite(values)]
     low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
     offset = 0.5 * (low + high) if high - low < 1e-3 * max(abs(low), abs(high)) else 0.0
     with np.errstate(over="ignore"):  # values beyond a float are not drawn
-        data = (values - offset).astype("<f4").tobytes()
-    return {"data": base64.b64encode(data).decode(), "offset": offset}
+        return (values - offset).astype("<f4"), offset
+
+
+def _encode(values: Array) -> JsonObject:
+    """Encode values as base64 of little-endian floats with an offset."""
+    data, offset = _floats(values)
+    return {"data": base64.b64encode(data.tobytes()).decode(), "offset": offset}

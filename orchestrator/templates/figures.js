@@ -250,13 +250,49 @@
     seeking = false;
   });
 
-  function csv(figure) { // the values of a figure; "" where it is not drawn here
+  async function inflated(text) {
+    const stream = new Blob([bytes(text)]).stream().pipeThrough(new DecompressionStream("deflate"));
+    return new Response(stream).arrayBuffer();
+  }
+
+  const digits = (v, count) => Number(v.toPrecision(count));
+  const precise = (v, offset) => digits(digits(v, 6) + offset, 15);
+
+  // all samples, as figures/interactive.py packs them
+  async function samples(column) {
+    const packed = new Uint8Array(await inflated(column.data));
+    const rows = packed.length / 4;
+    const bits = new Int32Array(rows);
+    for (let k = 0, last = 0; k < rows; k++) {
+      const step = packed[k] | packed[k + rows] << 8 | packed[k + 2 * rows] << 16 | packed[k + 3 * rows] << 24;
+      last = last + ((step >>> 1) ^ -(step & 1)) | 0;
+      bits[k] = last;
+    }
+    return Array.from(new Float32Array(bits.buffer), (v) => (Number.isFinite(v) ? precise(v, column.offset) : null));
+  }
+
+  async function sampleGrid(text) {
+    let x = 0;
+    return Array.from(new Float64Array(await inflated(text)), (step) => digits(x += step, 12));
+  }
+
+  // The values of a figure, to six digits: all samples, or what the first line says; null where it is
+  // not drawn here.
+  function csv(figure) {
     const plot = told.plots[Number(figure.id.split("-")[1])];
-    if (!plot) return "";
+    if (!plot) return null;
     const unit = plot.seconds ? "s" : plot.unit;
     const y = plot.label.includes("[") ? ` [${plot.label.split("[").pop()}` : "";
     const head = [unit ? `${plot.axis} [${unit}]` : plot.axis, ...plot.series.map((s) => s.label + y)];
-    return csvText(head, [grids[plot.grid], ...plot.series.map(values)]);
+    return async () => {
+      const all = plot.samples;
+      if (all?.columns && globalThis.DecompressionStream) {
+        return csvText(head, [await sampleGrid(told.sample_grids[all.grid]), ...await Promise.all(all.columns.map(samples))]);
+      }
+      const drawn = plot.series.map((s) => values(s).map((v) => v === null ? v : precise(v - s.offset, s.offset)));
+      const note = all ? binsLine(grids[plot.grid].length, all.rows) : "";
+      return note + csvText(head, [Array.from(grids[plot.grid], (x) => digits(x, 12)), ...drawn]);
+    };
   }
   window.desat = { get shown() { return shown; }, csv };
 })();

@@ -24,13 +24,13 @@ const savePng = (svg, name, scale = 2) => {
   image.src = `data:image/svg+xml;charset=utf-8,${encodeURIComponent(svg)}`;
 };
 
-// The buttons of a figure: `svg()` and `csv()` return texts; without csv there is no button for it.
+// The buttons of a figure: `svg()` returns a text, `csv()` a promise of one; without csv there is no button for it.
 const saveBar = (bar, title, svg, csv) => {
   const name = title.toLowerCase().replace(/[^a-z0-9]+/g, "-").replace(/^-|-$/g, "") || "figure";
   const kinds = {
     PNG: () => savePng(svg(), `${name}.png`),
     SVG: () => saveFile(svg(), "image/svg+xml", `${name}.svg`),
-    ...(csv ? { CSV: () => saveFile(csv(), "text/csv", `${name}.csv`) } : {}),
+    ...(csv ? { CSV: async () => saveFile(await csv(), "text/csv", `${name}.csv`) } : {}),
   };
   bar.replaceChildren("Save ", ...Object.entries(kinds).flatMap(([kind, act]) => {
     const button = document.createElement("button");
@@ -47,3 +47,6 @@ const csvCell = (v) => (v === null || v === undefined ? "" : /[",\n]/.test(v)
   ? `"${String(v).replace(/"/g, '""')}"` : String(v));
 const csvText = (head, columns) => [head.map(csvCell).join(","), ...Array.from(columns[0], (_, k) =>
   columns.map((c) => csvCell(c[k])).join(","))].join("\n") + "\n";
+// the first line of a file that holds so many drawn values in place of all rows
+const binsLine = (drawn, rows) => (drawn < rows ? `# minima and maxima of ${drawn / 2} bins of ${rows} samples, `
+  + "not all samples; `desat export run` writes them\n" : "");

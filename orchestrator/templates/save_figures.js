@@ -17,7 +17,7 @@
     const figure = bar.closest("figure, .picture");
     const title = figure.querySelector("figcaption")?.firstChild.textContent.trim() || figure.dataset.name;
     const place = figure.querySelector(".still") || figure;
-    const csv = figure.id && window.desat?.csv(figure) ? () => window.desat.csv(figure) : null;
+    const csv = figure.id ? window.desat?.csv(figure) : null;
     saveBar(bar, title, () => picture(place), csv);
   }
 })();

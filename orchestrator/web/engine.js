@@ -61,13 +61,6 @@ function tableOf(law, moved) {
   return table;
 }
 
-// A number to six digits, as Python's %g has it.
-function general(value) {
-  const [digits, power] = value.toExponential(5).split("e").map(Number);
-  if (power >= -4 && power < 6) return String(Number(value.toPrecision(6)));
-  return `${digits}e${power < 0 ? "-" : "+"}${String(Math.abs(power)).padStart(2, "0")}`;
-}
-
 // What `desat run` warns of: parameters that were moved to where they usually are not, a line each, of
 // an array one (system/check.py).
 function unusual(law, table) {
@@ -81,6 +74,13 @@ function unusual(law, table) {
     lines.push(`${elements[i]} = ${general(values[i])}${shown}: usual is ${general(low)} to ${general(high)}${shown}`);
   }
   return lines;
+}
+
+// What `desat run` warns of before it flies the scenario as it is, less what was moved.
+function stated(law, moved) {
+  const targets = law.sliders.filter((s) => s.name in moved).flatMap((s) => s.targets);
+  const lines = law.warnings.filter((line) => !targets.some((t) => line.includes(`${t} = `) || line.includes(`${t}[`)));
+  return targets.length ? lines.map((line) => `as the scenario has it: ${line}`) : lines;
 }
 
 class Flight {
@@ -114,7 +114,7 @@ class Flight {
     } catch (error) {
       return (this.fault = error.message);
     }
-    this.warnings = unusual(this.law, this.table);
+    this.warnings = [...stated(this.law, moved), ...unusual(this.law, this.table)];
     calls.web_open(law);
     for (const [name, first] of this.law.slots) {
       [this.table[name]].flat().forEach((value, i) => calls.web_set(first + i, value));
@@ -299,19 +299,84 @@ class Flight {
     found.momentum_margin = measures.margin(h, $.mul(rotors, this.table[of.limit]));
     const saturated = this.series(series.saturated);
     keep(names.wheels, measures.of_wheels(this.times(this.made + 1), saturated, columns(this.series(series.speed))));
-    keep(names.balance, measures.off_target(times, stored, without, $.array(target)));
+    if (this.lost() === null) keep(names.balance, measures.off_target(times, stored, without, $.array(target)));
     return found;
+  }
+
+  // The largest attitude error in the second half that counts as lost (deg), or null.
+  lost() {
+    const late = this.law.checks.law?.late;
+    return late ? measures.largest_late_error(...late.map((name) => this.series(name))) : null;
+  }
+
+  // What `desat run` says is not met after a flight, whatever its scenario requires (analyses/health.py,
+  // management.py, firings.py), a line each.
+  unmet() {
+    const { attitude, law, firings } = this.law.checks;
+    const lines = this.sensors(measures.describe_dead_sensor);
+    if (firings) lines.push(...measures.describe_silence(firings.name, this.times(this.made + 1), ...this.fired()));
+    if (attitude) lines.push(...measures.describe_lost_attitude(...this.pair(attitude)));
+    if (law?.rate) lines.push(...measures.describe_braking(law.name, this.series(law.rate)));
+    const { managed } = this.law;
+    const known = law?.holds && managed && this.lost() === null && this.balance();
+    if (known) {
+      const deadband = this.table[`${law.name}.h_deadband`] ?? law.deadband;
+      lines.push(...measures.describe_effect(law.name, known.times, known.stored, known.without, $.array(managed.target),
+        deadband, this.capacity()));
+    }
+    return lines;
+  }
+
+  // What it warns of after a flight, a line each.
+  remarks() {
+    const { wheels, attitude, firings } = this.law.checks;
+    const lines = this.sensors(measures.describe_rare_sensor);
+    if (wheels) lines.unshift(...measures.describe_full_wheels(wheels, this.series(`${wheels}.saturated_wheel`)));
+    if (attitude) lines.push(...measures.describe_missed_attitude(...this.pair(attitude)));
+    if (firings && !firings.scheduled) {
+      const used = firings.spent ? this.series(firings.spent) : $.zeros(1);
+      lines.push(...measures.describe_firings(firings.name, this.table[`${firings.name}.tank`] ?? firings.tank, used,
+        this.times(this.made + 1), ...this.fired()));
+    }
+    const error = this.lost();
+    if (error !== null && this.law.managed) {
+      lines.push(`not checked: ${this.law.managed.names.balance.join(", ")}: ${measures.describe_lost(error)}`);
+    }
+    return lines;
+  }
+
+  // The lines of each sensor by a function of it.
+  sensors(describe) {
+    return this.law.checks.sensors.flatMap(({ name, valid, lost_to: codes, meaning }) =>
+      describe(name, this.series(valid), codes ? this.series(codes) : $.array([]), meaning));
+  }
+
+  // Command, torque and on-time of the thrusters, and the momentum of the wheels.
+  fired() {
+    return this.law.checks.firings.series.map((name) => this.series(name));
+  }
+
+  // Times, an attitude and its reference, rows alike.
+  pair(names) {
+    const both = names.map((name) => this.series(name));
+    const rows = Math.min(...both.map($.len));
+    return [this.times(this.made + 1), ...both.map((s) => $.get(s, [{ slice: [0, rows] }]))];
+  }
+
+  // The capacity of the smallest wheel (N m s).
+  capacity() {
+    const { of } = this.law.managed;
+    return Math.min(...this.table[of.rotors].filter((x) => x > 0)) * this.table[of.limit];
   }
 
   // The fullest wheel with management and without, and its capacity.
   fullest() {
-    const { of, inverse, scale, series } = this.law.managed;
+    const { inverse, scale, series } = this.law.managed;
     const known = this.balance();
     const full = (h) => $.mul($.max($.abs(h), { axis: 1 }), scale).data;
     const lines = [full(this.series(series.h))];
     if (known) lines.push(full($.matmul(known.without, $.T($.array(inverse.map((r) => $.array(r)))))));
-    const rotors = this.table[of.rotors].filter((x) => x > 0);
-    return { lines, limits: [Math.min(...rotors) * this.table[of.limit] * scale] };
+    return { lines, limits: [this.capacity() * scale] };
   }
 
   // The numbers of the law, by name.
@@ -319,6 +384,12 @@ class Flight {
     const found = {};
     for (const of of this.law.numbers) found[of.name] = this.number(of);
     return this.law.managed ? { ...found, ...this.managed() } : found;
+  }
+
+  // The lines of all charts: that of the fullest wheel where there is one, and the plots.
+  charts() {
+    const { managed, plots } = this.law;
+    return [...(managed?.drawn ? [this.fullest()] : []), ...plots.map((of) => this.plot(of))];
   }
 
   // The lines of a plot, each an array of a value a row; and its limits.

@@ -111,6 +111,12 @@ const even = (x) => { // to the nearest whole number, halves to the even one
   const low = Math.floor(x);
   return x - low === 0.5 ? low + (low % 2) : Math.round(x);
 };
+// a number to so many digits, as Python's %g has it
+const general = (value, digits = 6) => {
+  const [head, power] = value.toExponential(digits - 1).split("e").map(Number);
+  if (power >= -4 && power < digits) return String(Number(value.toPrecision(digits)));
+  return `${head}e${power < 0 ? "-" : "+"}${String(Math.abs(power)).padStart(2, "0")}`;
+};
 
 const $ = {
   add: both("a + b"), sub: both("a - b"), mul: both("a * b"),
@@ -221,6 +227,13 @@ const $ = {
   trapezoid: (y, x) => {
     const [v, t] = [asRows(y).data, asRows(x).data];
     return total(v.slice(1).map((b, k) => 0.5 * (t[k + 1] - t[k]) * (b + v[k])), 0, 1, v.length - 1);
+  },
+  format: (x, form) => (form ? general($.float(x), Number(form.match(/\d+/) ?? 6)) : String(x)), // "g", ".3g", ""
+  bincount: (x) => {
+    const { data } = asRows(x);
+    const found = $.zeros(data.reduce((n, v) => Math.max(n, v + 1), 0));
+    data.forEach((v) => { found.data[v] += 1; });
+    return found;
   },
   enumerate: (x) => [...x].entries(),
   len: (x) => (x instanceof Rows ? x.shape[0] : x.length),

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from ..analyses import management
+from ..analyses import firings, health, management
 from ..export.loop_fmu import LoopEnds, LoopSource, written_out
 from ..figures.craft import DIRECTIONS
 from ..figures.plots import elements_of
@@ -69,6 +69,20 @@ _MANAGEMENT: tuple[Callable[..., Any], ...] = (
     coil_impulse,
     carrier,
 )
+# the lines of a run after its flight
+_CHECKS: tuple[Callable[..., Any], ...] = (
+    health.describe_full_wheels,
+    health.describe_dead_sensor,
+    health.describe_rare_sensor,
+    health.describe_lost_attitude,
+    health.describe_missed_attitude,
+    management.largest_late_error,
+    management.describe_lost,
+    management.describe_braking,
+    management.describe_effect,
+    firings.describe_silence,
+    firings.describe_firings,
+)
 
 
 @dataclass(frozen=True)
@@ -80,6 +94,7 @@ class _LawSystem:
     system: System
     ordered: list[JsonObject]
     values: JsonObject
+    warnings: Sequence[str]  # of a run before its flight
 
     @property
     def content(self) -> Content:
@@ -186,13 +201,15 @@ def _prepare_law(
 
     Raises DesatError if the case has problems.
     """
-    system, _ = prepare(source, options).or_raise()
+    case = prepare(source, options)
+    system, _ = case.or_raise()
     choice = substep_choice.choose(target, system, options)
     if choice is not None:
         system = replace(system, substeps=choice.substeps)
         options = replace(options, substeps=choice.substeps, accuracy=None)
     ordered = follows(system)
-    return _LawSystem(name, options, system, ordered, dict(numbers_of(system)))
+    values = dict(numbers_of(system))
+    return _LawSystem(name, options, system, ordered, values, case.checked.warnings)
 
 
 def _sliders(
@@ -345,6 +362,7 @@ def _series(law: _LawSystem) -> set[str]:
             series_needed.add(f"{parts.wheels}.h_wheel")
     if ends := content.stop_when:
         series_needed.add(ends.signal)
+    series_needed |= {*_check_series(_checks(law.system))}
     series_needed |= {*_view_sources(law.system).values()}
     return series_needed & there
 
@@ -375,10 +393,11 @@ def _page_data(
         [
             *(MEASURES[m] for m in sorted(used)),
             *_MANAGEMENT,
+            *_CHECKS,
             *(QUANTITIES[d].function for d in sorted(used_derived)),
         ]
     )
-    assert not lacking.keys() & {f.__name__ for f in _MANAGEMENT}, lacking
+    assert not lacking.keys() & {f.__name__ for f in (*_MANAGEMENT, *_CHECKS)}, lacking
     laws = [
         _law(f, of, loop, lacking, notes)
         for f, of, loop in zip(law_systems, sliders, loops, strict=True)
@@ -448,6 +467,8 @@ def _law(
         "managed": managed,
         "ends": ends,
         "view": view,
+        "checks": _checks(law.system),
+        "warnings": list(law.warnings),
         "sliders": [{**s.page_data(), "shown": spell_unit(s.unit)} for s in sliders],
         "usual": _usual_ranges(law.system, {name for name, _ in slots}),
     }
@@ -707,6 +728,80 @@ def _view(system: System) -> JsonObject:
         "colours": DIRECTIONS,
         "craft": [p.to_json() for p in craft_of_system(system)],
     }
+
+
+def _checks(system: System) -> JsonObject:
+    """Return the series and components of the lines of a run after its flight."""
+    there = _there(system)
+    parts, managed = health.applies(system), management.applies(system)
+    found: JsonObject = {
+        "sensors": [],
+        "wheels": None,
+        "attitude": None,
+        "law": None,
+        "firings": _firings(system),
+    }
+    if parts is not None:
+        found["sensors"] = [_sensor(system, n) for n in parts.sensors]
+        found["wheels"] = parts.wheels
+        found["attitude"] = parts.attitude and (
+            parts.attitude[0],
+            derived.wanted_attitude(parts.attitude[1], there),
+        )
+    if managed is not None:
+        reference = derived.wanted_attitude(str(managed.reference), there)
+        late = (f"{managed.spacecraft}.q_bi", reference)
+        found["law"] = {
+            "name": managed.manager,
+            "rate": f"{managed.spacecraft}.omega_bi_body" if managed.brakes else None,
+            "late": late if managed.holds and there.issuperset(late) else None,
+            "holds": managed.holds,
+            "deadband": managed.deadband,
+        }
+    return found
+
+
+def _firings(system: System) -> JsonObject | None:
+    """Return the series and the tank of the lines on firings, None without any."""
+    parts = firings.applies(system)
+    if parts is None or not _there(system).issuperset(firings.series_of(parts)):
+        return None
+    spent = f"{parts.thrusters}.propellant"
+    return {
+        "name": parts.thrusters,
+        "series": firings.series_of(parts),
+        "tank": system.components[parts.thrusters].values.get("tank", 0.0),
+        "spent": spent if spent in _there(system) else None,
+        "scheduled": parts.scheduled,
+    }
+
+
+def _sensor(system: System, name: str) -> JsonObject:
+    """Return the series of a sensor that say whether and why it is not valid."""
+    signals = system.components[name].interface.signals
+    has_reason = "lost_to" in signals
+    return {
+        "name": name,
+        "valid": f"{name}.valid",
+        "lost_to": f"{name}.lost_to" if has_reason else None,
+        "meaning": signals["lost_to"].description if has_reason else "",
+    }
+
+
+def _check_series(checks: JsonObject) -> Iterator[str]:
+    """Yield the series that `_checks` names."""
+    for sensor in checks["sensors"]:
+        yield from (sensor[k] for k in ("valid", "lost_to") if sensor[k])
+    if checks["wheels"]:
+        yield f"{checks['wheels']}.saturated_wheel"
+    yield from checks["attitude"] or ()
+    law = checks["law"] or {}
+    yield from law.get("late") or ()
+    if law.get("rate"):
+        yield law["rate"]
+    if fired := checks["firings"]:
+        yield from fired["series"]
+        yield from (s for s in [fired["spent"]] if s)
 
 
 def _managed(law: _LawSystem) -> JsonObject | None:

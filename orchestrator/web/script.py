@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import json
 import re
 import sys
 import textwrap
@@ -160,7 +161,17 @@ class _Expressions:
             return '"..."'
         if node.value is None or isinstance(node.value, bool):
             return {None: "null", True: "true", False: "false"}[node.value]
-        return f'"{node.value}"' if isinstance(node.value, str) else repr(node.value)
+        is_text = isinstance(node.value, str)
+        return json.dumps(node.value) if is_text else repr(node.value)
+
+    def _joinedstr(self, node: ast.JoinedStr) -> str:
+        """Translate an f-string."""
+        return f'[{self._list_of(node.values)}].join("")'
+
+    def _formattedvalue(self, node: ast.FormattedValue) -> str:
+        """Translate a value in an f-string, with its format."""
+        form = self.of(node.format_spec) if node.format_spec else '""'
+        return f"$.format({self.of(node.value)}, {form})"
 
     def _name(self, node: ast.Name) -> str:
         """Translate a local name, a constant or a table of the module."""

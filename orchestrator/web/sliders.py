@@ -25,6 +25,8 @@ from .values import differing, reached
 
 # m: heights of the default range of a craft below the upper one
 LOW_ORBIT = (2.0e5, 1.5e6)
+# ends of the names of vectors in space: frames, and the start of an orbit
+VECTORS = ("_body", "_eci", "_lvlh", "_earth", "_start")
 # parameters that are constants of the translated loop: no sliders
 BAKED = ("sample_time", "delay", "axes_wheel", "axes_coil")
 
@@ -39,9 +41,9 @@ class Slider:
     name: str  # as in `--set`
     title: str
     targets: tuple[str, ...]  # parameters that it sets: several for `shared.NAME`
-    # `one`: a number; `element`: of an array; `length` or `largest`: norm or largest
-    # magnitude of a whole array, whose elements keep their proportions; `each`: all
-    # elements equal
+    # `one`: a number; `element`: of an array; `each`: all elements that exist, where they
+    # are equal; `length`: norm of a vector, `largest`: largest magnitude of another
+    # array, whose elements keep their proportions
     form: str
     element: int
     there: tuple[bool, ...]  # for `each`: which elements exist
@@ -56,7 +58,7 @@ class Slider:
 
     def page_data(self) -> JsonObject:
         """Return the data of the slider for the page."""
-        return {k: v for k, v in asdict(self).items() if k != "asked"}
+        return asdict(self)
 
     @property
     def holds_start(self) -> bool:
@@ -191,10 +193,24 @@ def usual(system: System) -> list[Slider]:
         component = system.roles.get(owner)
         if component is None or name not in component.interface.arrays:
             continue
-        ranged = usual_of(f"{component.name}.{name}", system)
-        if ranged is not None:
-            found.append(ranged)
+        array = f"{component.name}.{name}"
+        for element in _names_to_move(array, component.values[name], system):
+            ranged = usual_of(element, system)
+            if ranged is not None:
+                found.append(ranged)
     return found
+
+
+def _names_to_move(name: str, value: Any, system: System) -> list[str]:
+    """Return the names of a parameter's sliders: itself, or its elements.
+
+    An element is moved alone where values about three axes differ.
+    """
+    if not isinstance(value, list) or len(value) != len("xyz"):
+        return [name]
+    if _slider(name, system, f"--slider {name}").form != "largest":
+        return [name]
+    return [f"{name}[{i}]" for i, x in enumerate(value, 1) if x]
 
 
 def usual_of(name: str, system: System) -> Slider | None:
@@ -232,7 +248,7 @@ def _range(slider: Slider, name: str, system: System) -> Slider | None:
             return None
         low, high = ((ground + x) / slider.factor for x in LOW_ORBIT)
         return replace(slider, low=_round(low), high=_round(high))
-    if name == "h_start_wheel" and slider.form == "each":
+    if name == "h_start_wheel" and slider.form == "each" and value == 0.0:
         most = _wheel_capacity(system) / slider.factor
         return replace(slider, high=_round(0.9 * most, 2)) if most else None
     if value == 0.0:
@@ -348,36 +364,34 @@ def _slider(name: str, system: System, place: str) -> Slider:
     owner, _, parameter = targets[0].partition(".")
     values, first = system.components[owner].values[parameter], signals[0]
     form, element = "one", 0
+    there: tuple[bool, ...] = (True,)
     if len(signals) > 1:
-        form = "length" if len(signals) == 3 else "largest"
-        if size(values, form) == 0.0:
-            form = "each"
+        there = _there(system, owner, values)
+        form = _array_form(first, values, there)
+        value = size(values, form)
+        if form == "each":
+            value = next(
+                (x for x, is_there in zip(values, there, strict=True) if is_there), 0.0
+            )
     elif first.name != first.array:
-        form, element = (
-            "element",
-            [
-                s.name for s in system.components[owner].interface.arrays[parameter]
-            ].index(first.name)
-            + 1,
-        )
-    value = (
-        values
-        if form == "one"
-        else (values[element - 1] if form == "element" else size(values, form))
-    )
+        names = [s.name for s in system.components[owner].interface.arrays[parameter]]
+        form, element = "element", names.index(first.name) + 1
+        value = values[element - 1]
+    else:
+        value = values
     size_shown = (
         _wheel_capacity(system) if parameter == "h_start_wheel" else float(value)
     )
     unit, factor, offset = _shown(first, size_shown)
     text = first.description.partition(";")[0].partition(":")[0].partition(",")[0]
-    text = text.partition(" for `")[0]
+    text = text.partition(" for `")[0] + (f" [{element}]" if element else "")
     return Slider(
         name,
         text,
         tuple(targets),
         form,
         element,
-        _there(system, owner, len(signals)),
+        there,
         unit,
         factor,
         offset,
@@ -388,12 +402,29 @@ def _slider(name: str, system: System, place: str) -> Slider:
     )
 
 
-def _there(system: System, owner: str, count: int) -> tuple[bool, ...]:
-    """Return which elements of an array of wheels exist; of other arrays all do."""
+def _array_form(signal: Signal, values: Sequence[float], there: Sequence[bool]) -> str:
+    """Return how a slider moves an array: `length`, `each` or `largest`."""
+    is_vector = (
+        len(values) == len("xyz")
+        and signal.array.endswith(VECTORS)
+        and "each axis" not in signal.description
+    )
+    if is_vector and any(values):
+        return "length"
+    existing = {x for x, is_there in zip(values, there, strict=True) if is_there}
+    return "each" if len(existing) <= 1 else "largest"
+
+
+def _there(system: System, owner: str, values: Sequence[float]) -> tuple[bool, ...]:
+    """Return which elements of an array exist.
+
+    Of an array of wheels these are the wheels that exist, of another one the elements
+    that are not 0, or all.
+    """
     spin = system.components[owner].values.get("inertia_wheel")
-    if isinstance(spin, list) and len(spin) == count:
+    if isinstance(spin, list) and len(spin) == len(values):
         return tuple(x > 0.0 for x in spin)
-    return (True,) * count
+    return tuple(x != 0.0 or not any(values) for x in values)
 
 
 def _shown(signal: Signal, value: float) -> tuple[str, float, float]:

@@ -13,15 +13,16 @@ function shown(id, began, last) {
   const message = {
     id, done: flight.made, fault: flight.fault, warnings: flight.warnings, last, seconds: (performance.now() - began) / 1e3,
     times: thinnedTimes(flight.told, rows, PARTS),
-    plots: (flight.law.managed?.drawn ? [null] : []).concat(flight.law.plots).map((of) => {
-      const { lines, limits } = of ? flight.plot(of) : flight.fullest();
-      return { lines: thinned(lines, rows, PARTS), limits };
-    }),
+    plots: flight.charts().map(({ lines, limits }) => ({ lines: thinned(lines, rows, PARTS), limits })),
   };
   message.end = flight.told.start + (rows - 1) * flight.told.step;
   message.ended = flight.ended;
   if (last) message.view = flight.view(ROWS_OF_VIEW);
-  if (last && !flight.fault) message.numbers = flight.numbers();
+  if (last && !flight.fault) {
+    message.numbers = flight.numbers();
+    message.unmet = flight.unmet();
+    message.warnings = [...message.warnings, ...flight.remarks(), ...message.unmet.map((line) => `not met: ${line}`)];
+  }
   postMessage(message);
 }
 
@@ -53,6 +54,10 @@ globalThis.onmessage = async ({ data }) => {
     const module = await WebAssembly.compile(data.wasm);
     flight = new Flight(data.told, module);
     postMessage({ ready: true });
+    return;
+  }
+  if (data.samples) { // of the flight that was asked for last, up to now
+    postMessage({ samples: { times: flight.times(flight.made + 1).data, plots: flight.charts() } });
     return;
   }
   newest = data.id;

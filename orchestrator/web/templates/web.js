@@ -177,6 +177,7 @@
     $id("reset").onclick = reset;
     $id("compare").onclick = () => {
       reference = reference ? null : shown;
+      if (reference) samplesOf(reference); // before another flight takes its place
       $id("compare").textContent = reference ? "without the pale one" : "compare with this";
       draw();
     };
@@ -227,22 +228,22 @@
   const most = (lines) => lines.flat().reduce((m, v) => Math.max(m, Math.abs(v ?? 0)), 0);
 
   // the lines of a chart: its own, those of the reference in pale, and the limits
-  function content(i) {
-    const of = plotsOf(shown.law)[i];
-    const own = shown.plots[i].lines.map(known);
+  function content(i, flight = shown, kept = reference) {
+    const of = plotsOf(flight.law)[i];
+    const own = flight.plots[i].lines.map(known);
     const names = of.names;
     const series = own.map((y, k) => ({ label: names[k], y, stroke: told.colours[k % told.colours.length], width: 1.4 }));
-    const other = reference && plotsOf(reference.law).findIndex((p) => p.title === of.title);
-    if (reference && other >= 0) {
-      reference.plots[other].lines.forEach((y, k) => series.unshift({
-        label: `${plotsOf(reference.law)[other].names[k]}, kept`, y: known(y), pale: true, width: 1.4,
+    const other = kept && plotsOf(kept.law).findIndex((p) => p.title === of.title);
+    if (kept && other >= 0) {
+      kept.plots[other].lines.forEach((y, k) => series.unshift({
+        label: `${plotsOf(kept.law)[other].names[k]}, kept`, y: known(y), pale: true, width: 1.4,
         stroke: told.colours[k % told.colours.length],
       }));
     }
     const signed = own.some((y) => y.some((v) => v < 0));
     const top = most(own);
     const far = [];
-    shown.plots[i].limits.forEach((value, k) => {
+    flight.plots[i].limits.forEach((value, k) => {
       const text = `${signed ? "±" : ""}${number(value)} ${of.limits[k]}`;
       if (value > 10 * top) return far.push(`${text}: far beyond`);
       for (const v of signed ? [value, -value] : [value]) {
@@ -313,12 +314,28 @@
     if (shown.view) scene.show(shown.view);
   }
 
-  // The values of a chart as they are drawn: least and most of parts of a longer line.
-  function chartCsv(i) {
-    const { of, series } = content(i);
+  // A flight with all its samples, of which charts show minima and maxima; null where another flight
+  // has taken its place in the worker.
+  const waiting = [];
+  function samplesOf(flight) {
+    flight.whole ??= flight.id === asked ? new Promise((give) => {
+      waiting.push((samples) => give({ ...flight, ...samples }));
+      worker.postMessage({ samples: true });
+    }) : Promise.resolve(null);
+    return flight.whole;
+  }
+
+  // The values of a chart: all samples, or what the first line says.
+  async function chartCsv(i) {
+    const [drawn, kept] = [shown, reference];
+    const [whole, other] = await Promise.all([samplesOf(drawn), kept && samplesOf(kept)]);
+    const [flight, pale] = whole ? [whole, other] : [drawn, null];
+    const { of, series } = content(i, flight, pale);
     const unit = of.label.includes("[") ? ` [${of.label.split("[").pop()}` : "";
-    return csvText(["time [s]", ...series.map((s) => (s.label || "limit") + unit)],
-      [shown.times, ...series.map((s) => s.y)]);
+    const times = pale?.times.length > flight.times.length ? pale.times : flight.times;
+    const notes = (whole ? "" : binsLine(times.length, Math.round((drawn.end - told.start) / told.step) + 1))
+      + (kept && !pale ? "# without the kept flight, whose samples are gone\n" : "");
+    return notes + csvText(["time [s]", ...series.map((s) => (s.label || "limit") + unit)], [times, ...series.map((s) => s.y)]);
   }
 
   // A chart as an SVG on white.
@@ -393,7 +410,9 @@
       }
     }
     if (missed.length) parts.push(`NOT MET: ${missed.join(", ")}`);
-    const bad = missed.length || /^(Not|Does)/.test(parts[0] || "");
+    const checks = shown.unmet.length;
+    if (checks) parts.push(`Not met: ${checks} check${checks > 1 ? "s" : ""} of the flight, among the warnings`);
+    const bad = checks || missed.length || /^(Not|Does)/.test(parts[0] || "");
     place.className = bad ? "bad" : "ok";
     place.replaceChildren(...(parts.length ? [make("b", { textContent: `${parts.join("; ")}.` })] : []));
   }
@@ -437,6 +456,7 @@
   const worker = new Worker(URL.createObjectURL(new Blob([$id("worker").textContent], { type: "text/javascript" })));
   worker.onmessage = ({ data }) => {
     if (data.ready) return ask();
+    if (data.samples) return waiting.shift()(data.samples);
     if (data.id !== asked) return;
     warned = data.warnings;
     warn();
@@ -448,7 +468,7 @@
       document.documentElement.dataset.flown = data.id; // for who waits
     } else $id("state").textContent = `flying … ${Math.round((100 * data.done) / told.steps)} %`;
     if (!data.plots.length) return;
-    shown = { law, moved: { ...moved }, numbers: data.numbers, plots: data.plots, times: data.times,
+    shown = { id: data.id, law, moved: { ...moved }, numbers: data.numbers, unmet: data.unmet ?? [], plots: data.plots, times: data.times,
       end: data.end, ended: data.ended, view: data.view };
     draw();
   };
