@@ -371,8 +371,8 @@ def test_the_time_to_empty_does_not_depend_on_the_other_laws(orbits):
     k = [c.name for c in ranking.by].index("emptying")
     times = {e.name: e.values[k] for e in ranking.ranked}
     alone = compare_laws(str(folder), laws=["ccpl"], by="emptying", stop=14000.0)
-    (own,) = [e.values[0] for e in alone.ranked if e.law.is_own]
-    assert own == pytest.approx(times["cross product"], rel=1e-12)
+    (time,) = [e.values[0] for e in alone.ranked if e.law.is_own]
+    assert time == pytest.approx(times["cross product"], rel=1e-12)
     assert "empty: every wheel below 10 % of its capacity" in ranking.notes
 
 

@@ -926,7 +926,7 @@ def lines_alike(path: Path, target: str, options: Options, moved: dict[str, floa
     [
         ({}, ""),
         ({"wheels.h_start_wheel": 14.9}, "was at its speed limit for"),
-        ({"spacecraft.residual_dipole_body": 20.0}, "the attitude was lost: "),
+        ({"spacecraft.residual_dipole_body": 5.0}, "the attitude was lost: "),
         ({"manager.gain": 1e-9}, "it does nothing"),
     ],
     ids=["as it is", "full wheels", "lost attitude", "no effect"],

@@ -65,18 +65,18 @@ def problems(system: System) -> Iterator[str]:
             f"{_place_of(system, manager, 'latest')}: {manager.name}.latest = {latest:g} N m s, "
             f"and a wheel holds {capacity:.4g} N m s: a dump may wait until it is full"
         )
-    room = capacity - values["begin"]
-    if latest > 0.0 or room <= 0.0:
+    reserve = capacity - values["begin"]
+    if latest > 0.0 or reserve <= 0.0:
         return
     try:
         rate = _growth(orbit_flight(system), wheels)
     except (DesatError, BlockError):
         return  # attitude or environment are not known without a run
-    wait, affordable = values["longest_wait"], room / max(rate, 1e-300)
+    wait, affordable = values["longest_wait"], reserve / max(rate, 1e-300)
     if wait > affordable:
         yield (
             f"{place}: {manager.name}.longest_wait = {wait:g} s: meanwhile disturbances bring up "
-            f"to {wait * rate:.3g} N m s into a wheel, which holds {room:.3g} N m s above "
+            f"to {wait * rate:.3g} N m s into a wheel, which holds {reserve:.3g} N m s above "
             f"begin: at most {affordable:.3g} s, or a {manager.name}.latest below "
             f"{capacity:.4g} N m s, from which on no dump waits"
         )

@@ -807,8 +807,8 @@ def _rates_by_threshold(
         if begin <= 1.05 * law.end:
             continue
         # the same share of the room above `begin`
-        room = (law.latest - law.begin) / (capacity - law.begin)
-        latest = begin + room * (capacity - begin) if law.latest < inf else inf
+        waiting = (law.latest - law.begin) / (capacity - law.begin)
+        latest = begin + waiting * (capacity - begin) if law.latest < inf else inf
         other = law._replace(begin=begin, latest=latest)
         rates = rates_of(flight, hardware, other, cost, isp)
         yield Threshold(begin, rates.a_week, rates.a_year)
@@ -1013,12 +1013,12 @@ def _notes(sizing: DumpSizing, requirements: SizingRequirements) -> Iterator[str
     """Yield a line for each limit of the results."""
     if requirements.flown and not sizing.loop:
         first = sizing.steady.first
-        when = (
+        cause = (
             f"the first dump comes after {format_duration(first)} (--stop flies it)"
             if first < inf
             else "there is no dump"
         )
-        yield f"the closed loop was not flown: {when}; every number is the model's"
+        yield f"the closed loop was not flown: {cause}; every number is the model's"
     dumps = sizing.loop.get("dumps")
     if sizing.loop and (dumps is None or dumps < 7):
         yield (
