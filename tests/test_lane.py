@@ -447,7 +447,10 @@ def test_a_csv_of_torques_flies(tmp_path: Path) -> None:
             r"--inclination 5deg: --sun 1AU says the orbit",
         ),
         ({"orbit": "50x2000km"}, r"--orbit 50 km: 150 to 400000 km are covered"),
-        ({"orbit": "gro"}, r"--orbit gro: no such orbit; did you mean ge?t?o.; there is geo, gto"),
+        (
+            {"orbit": "gro"},
+            r"--orbit gro: no such orbit; did you mean ge?t?o.; there is geo, gto",
+        ),
         ({"secular": "1uNm", "torque": "x.csv"}, r"--torque x\.csv: no such file"),
         ({"secular": "80"}, r"--secular 80: a unit is needed, as 80Nm"),
         ({"secular": "1uNm,2uNm"}, r"one torque, about y, or three are needed"),

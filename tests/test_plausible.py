@@ -16,6 +16,7 @@ import desat as library
 from desat.analyses import attitude_loop, plausibility
 from desat.begin.craft import write
 from desat.begin.facts import CraftFacts
+from desat.components.contract.block import BlockError
 from desat.components.contract.roles import Thrusters, Torquers, Wheels
 from desat.fmus.registry import block_class, names
 from desat.runs.prepare import prepare
@@ -771,3 +772,119 @@ def test_a_pulse_of_torque_that_is_too_short_is_named(tmp_path, rows, line):
     system, _ = prepare(str(file.parent), Options()).or_raise()
     found = [x for x in plausibility.warnings(system) if "a row of" in x]
     assert [x.rpartition(".torque: ")[2] for x in found] == [line] * bool(line)
+
+
+# --- hardware against the craft -------------------------------------------------------
+
+DUMPS: dict[str, Any] = {"rods": "none", "dump": "thrusters 70:10", "mass": "16kg"}
+
+
+@pytest.mark.parametrize(
+    ("facts", "sets", "key", "message"),
+    [
+        (
+            {"size": "12U", "rods": "200"},
+            [],
+            "torquers.m_limit",
+            "has some 4 kg, and the",
+        ),
+        (
+            {"size": "3U", "rods": "40"},
+            [],
+            "torquers.m_limit",
+            "such a torquer has some",
+        ),
+        (
+            {**DUMPS, "wheels": "4 pyramid 30mNms", "thrusters": "4 20N"},
+            [],
+            "thrusters.tau_level",
+            "do not empty it",
+        ),
+        (
+            {**DUMPS, "thrusters": "4 0.1uN"},
+            [],
+            "thrusters.tau_level",
+            "less than the disturbances leave",
+        ),
+        (
+            {"size": "12U"},
+            ["controller.kd=0"],
+            "--set controller.kd=0",
+            "no rate is damped",
+        ),
+        (
+            {"size": "12U"},
+            ["controller.torque_limit=0"],
+            "torque_limit=0",
+            "sets no limit",
+        ),
+        (
+            {"size": "12U", "panel": "500m2 30m"},
+            [],
+            "spacecraft.area_radiation",
+            "mostly radiation",
+        ),
+        (
+            {"size": "12U", "altitude": "150km"},
+            [],
+            "spacecraft.area_drag",
+            "mostly drag",
+        ),
+        (
+            {"size": "12U", "secular": "80Nm"},
+            [],
+            "disturbance.torque",
+            "mostly given torque",
+        ),
+        (
+            {"size": "12U"},
+            ["spacecraft.residual_dipole_body=50,0,0"],
+            "--set spacecraft.residual_dipole_body",
+            "mostly residual dipole",
+        ),
+    ],
+)
+def test_hardware_is_held_against_the_craft(tmp_path, facts, sets, key, message):
+    write(tmp_path / "mine", CraftFacts(**facts), "")
+    case = prepare(str(tmp_path / "mine"), Options(sets=sets))
+    lines = [x for x in case.checked.warnings if message in x]
+    assert lines
+    assert key in lines[0]
+
+
+@pytest.mark.parametrize(
+    ("rods", "message"),
+    [
+        (
+            "rod 20Am2 60x8mm 0.2mm 100mA",
+            r"20 A m2; a core of 60x8mm is saturated at 5",
+        ),
+        ("coil 300 800x800mm 0.2mm 100mA", r"0\.8 m do not fit a craft of 0\.366 m"),
+        ("rod 800 400x8mm 0.2mm 100mA", r"0\.4 m do not fit a craft"),
+    ],
+)
+def test_a_torquer_that_the_craft_cannot_have_is_refused(tmp_path, rods, message):
+    with pytest.raises(DesatError, match=message):
+        write(tmp_path / "mine", CraftFacts(size="12U", rods=rods), "")
+
+
+@pytest.mark.parametrize(
+    ("days", "fails", "warns"),
+    [
+        (3.0, False, False),
+        (10.0, False, True),
+        (-10.0, False, True),
+        (400.0, True, True),
+    ],
+)
+def test_elements_are_valid_for_days(days, fails, warns):
+    block = block_class("environment_tle")()
+    block.epoch_j2000 = block.epoch_tle_j2000 + 86400.0 * days
+    if fails:
+        with pytest.raises(
+            BlockError, match="400 days after the epoch of its elements"
+        ):
+            list(block.foresee(0.0, 3600.0, frozenset()))
+        return
+    lines = list(block.foresee(0.0, 3600.0, frozenset()))
+    assert any("10 days" in x for x in lines) == warns

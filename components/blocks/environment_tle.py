@@ -1,9 +1,16 @@
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from ..bases.near_earth import NearEarth
 from ..contract.block import TURN, Parameter, Vec3
 from ..physics.orbit import MU
 from ..physics.tle import teme_state
+
+# Age of elements (days): from the first on SGP4 is off by tens of kilometres, from the
+# second on by hundreds.
+DOUBTFUL, MEANINGLESS = 7.0, 30.0
+DAY = 86400.0  # s
 
 
 class EnvironmentTle(NearEarth):
@@ -66,6 +73,24 @@ class EnvironmentTle(NearEarth):
         start=3.686137125541276,
         usual=TURN,
     )
+
+    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+        since = self.epoch_j2000 - self.epoch_tle_j2000
+        first, last = (since + begin) / DAY, (since + end) / DAY
+        days = first if abs(first) > abs(last) else last
+        age = f"{abs(days):.0f} days {'after' if days > 0.0 else 'before'}"
+        if abs(first) > MEANINGLESS:
+            self.fail(
+                f"epoch_j2000: the run is {age} the epoch of its elements (epoch_tle_j2000); "
+                f"SGP4 is not valid beyond {MEANINGLESS:g} days"
+            )
+        if abs(days) > DOUBTFUL:
+            yield (
+                f"epoch_j2000: the run is {age} the epoch of its elements "
+                f"(epoch_tle_j2000); beyond {DOUBTFUL:g} days SGP4 is off by tens of "
+                "kilometres"
+            )
+        yield from super().foresee(begin, end, wired)
 
     def size(self) -> tuple[float, float]:
         return (MU / self.mean_motion**2) ** (1.0 / 3.0), self.eccentricity

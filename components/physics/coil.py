@@ -19,6 +19,8 @@ from typing import NamedTuple
 # resistivity (Ohm m) at 20 deg C, density (kg/m3)
 COPPER, COPPER_DENSITY = 1.72e-8, 8960.0
 CORE_DENSITY = 8200.0  # kg/m3, of an alloy of nickel and iron
+SATURATION = 2.1  # T, of iron, at most; alloys with nickel are saturated from 0.8 T on
+MU_0 = 4e-7 * pi  # T m/A
 
 
 class Coil(NamedTuple):
@@ -67,6 +69,14 @@ def rod(
     area = turns * section * core_factor(length, radius, permeability)
     core = section * length * CORE_DENSITY
     return _coil(turns, area, 2.0 * pi * radius * turns, wire, current, core)
+
+
+def core_limit(length: float, radius: float) -> float:
+    """Compute the largest dipole (A m2) of a core of this length and radius (m).
+
+    It is that of saturated iron, SATURATION / mu_0 times its volume.
+    """
+    return SATURATION / MU_0 * pi * radius * radius * length
 
 
 def _coil(

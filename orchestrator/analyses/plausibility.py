@@ -27,6 +27,7 @@ from ..system.model import Component, System, Values
 from ..system.wheels import smallest_capacity
 from . import motion
 from .flight import (
+    TABLE_TORQUE,
     Flight,
     environment_block,
     flown_at,
@@ -34,6 +35,7 @@ from .flight import (
     needless,
     wanted_attitude,
 )
+from .sampling import orbit_period
 
 Array = NDArray[np.float64]
 
@@ -45,6 +47,19 @@ LARGEST_COIL_POWER = 200.0  # W, each; the largest rods take some tens
 # share of a wheel's capacity below which a threshold is likely a wrong unit
 SMALLEST_THRESHOLD = 0.01
 LARGEST_TANK = 0.9  # share of the mass
+# kg for 1 A m2; grows with the power 0.75 of the dipole: 30 g for 0.2 A m2, 0.5 kg for 15,
+# 40 kg for 4,000 (makers' data)
+ROD_MASS = 0.075
+LARGEST_ROD = 0.1  # share of the mass, each
+LARGEST_PULSE = 0.25  # share of a wheel's capacity, for the shortest pulse of thrusters
+# parameter of the spacecraft that a source of torque follows from
+CAUSES = {
+    "gravity gradient": "inertia",
+    "drag": "area_drag",
+    "radiation": "area_radiation",
+    "residual dipole": "residual_dipole_body",
+    "constant": "tau_disturbance_body",
+}
 NO_TORQUE = 1e-15  # N m: below it a disturbance is rounding alone
 
 
@@ -91,6 +106,8 @@ def warnings(system: System) -> Iterator[str]:
         yield from _momentum_target(system, wheels)
         yield from _orbit_momentum(system, wheels)
     yield from _coils(system)
+    yield from _thrusters(system)
+    yield from _controller(system)
     if (table := craft_of(system).disturbance) is not None:
         yield from _short_rows(system, table)
 
@@ -195,11 +212,72 @@ def _coils(system: System) -> Iterator[str]:
     construction = {"resistance", "area_turns"} & coils.origins.keys()
     current = coils.values["m_limit"] / coils.values["area_turns"]
     power = current**2 * coils.values["resistance"]
+    mass = ROD_MASS * coils.values["m_limit"] ** 0.75
+    if system.body is not None and mass > LARGEST_ROD * system.body.mass:
+        yield (
+            f"{_place_of(system, coils, 'm_limit')}: {coils.name}.m_limit = "
+            f"{coils.values['m_limit']:g} A m2: such a torquer has some {mass:.2g} kg, and the "
+            f"craft {system.body.mass:.4g} kg"
+        )
     if construction and power > LARGEST_COIL_POWER:
         yield (
             f"{_place_of(system, coils, min(construction))}: {coils.name}: {power:.3g} W in each coil at "
             f"{coils.values['m_limit']:g} A m2: coils of spacecraft take {LARGEST_COIL_POWER:g} W "
             "at most"
+        )
+
+
+def _thrusters(system: System) -> Iterator[str]:
+    """Check the torque of thrusters that a manager commands against wheels and torques."""
+    craft = craft_of(system)
+    thrusters, wheels, body = craft.thrusters, craft.wheels, craft.spacecraft
+    if thrusters is None or (thrusters.name, "tau_cmd_thruster_body") not in system.fed:
+        return
+    levels = np.abs(np.array(thrusters.values.get("tau_level", ()), float))
+    if not levels.any() or wheels is None or body is None or not len(wheels.capacities):
+        return
+    place = f"{_place_of(system, thrusters, 'tau_level')}: {thrusters.name}.tau_level"
+    pulse = float(levels.max()) * thrusters.values.get("least_pulse", 0.0)
+    capacity = float(wheels.capacities.min())
+    if pulse > LARGEST_PULSE * capacity:
+        yield (
+            f"{place} = {levels.max():.4g} N m: the shortest pulse gives {pulse:.3g} N m s, "
+            f"and a wheel holds {capacity:.4g} N m s: thrusters this strong do not empty it"
+        )
+    weakest = float(levels[levels > 0.0].min())
+    period = orbit_period(system)
+    if period is None or weakest * period > _most_in_an_orbit(system, body):
+        return
+    try:
+        flight = orbit_flight(system)
+    except (DesatError, BlockError):
+        return
+    span = flight.times[-1] - flight.times[0]
+    secular = (flight.disturbance[-1] - flight.disturbance[0]) / span
+    if weakest < float(np.linalg.norm(secular)):
+        yield (
+            f"{place} = {weakest:.3g} N m: less than the disturbances leave, "
+            f"{np.linalg.norm(secular):.3g} N m: no dump ends"
+        )
+
+
+def _controller(system: System) -> Iterator[str]:
+    """Check whether a controller that is enabled gives any torque, and up to a limit."""
+    controller, wheels = craft_of(system).controller, craft_of(system).wheels
+    if controller is None or not controller.values.get("enable", True):
+        return
+    if not {"kp", "kd"} <= controller.values.keys():
+        return
+    for gain, what in (("kp", "no attitude is held"), ("kd", "no rate is damped")):
+        if controller.values[gain] == 0.0:
+            place = _place_of(system, controller, gain)
+            yield f"{place}: {controller.name}.{gain} = 0: {what}"
+    given = "torque_limit" in controller.origins
+    limit = wheels.component.values.get("torque_limit", inf) if wheels else inf
+    if given and controller.values.get("torque_limit") == 0.0 and limit < inf:
+        yield (
+            f"{_place_of(system, controller, 'torque_limit')}: {controller.name}.torque_limit = 0 "
+            f"sets no limit; a wheel gives {limit:g} N m"
         )
 
 
@@ -229,15 +307,30 @@ def _orbit_momentum(system: System, wheels: WheelArray) -> Iterator[str]:
     rest = rest - (rest.max(axis=0) + rest.min(axis=0)) / 2.0
     inside = rotate(flight.q, rest) - (flight.body - flight.body.mean(axis=0))
     needs = float(np.abs(inside @ inverse.T).max())
-    place = _place_of(system, craft, "residual_dipole_body")
+    place, cause = _largest_source(system, craft, flight)
     if needs > capacity:
-        yield f"{place}: {name}: {cyclic.shortfall(needs, capacity)}"
+        text = cyclic.shortfall(needs, capacity, f"disturbances, mostly {cause},")
+        yield f"{place}: {name}: {text}"
     brings = span * _growth(flight, wheels)
     if brings > capacity:
         yield (
-            f"{place}: {name}: disturbances leave {brings:.3g} N m s in the fullest wheel "
+            f"{place}: {name}: disturbances, mostly {cause}, leave {brings:.3g} N m s in the fullest wheel "
             f"in each orbit, and it holds {capacity:.3g} N m s"
         )
+
+
+def _largest_source(
+    system: System, craft: Component, flight: Flight
+) -> tuple[str, str]:
+    """Return file and key of what the largest disturbance follows from, and its name."""
+    sizes = {
+        name: float(np.linalg.norm(x - x[0], axis=1).max())
+        for name, x in flight.sources.items()
+    }
+    name = max(sizes, key=lambda n: sizes[n])
+    if name == TABLE_TORQUE and (table := craft_of(system).disturbance) is not None:
+        return _place_of(system, table, "torque"), name
+    return _place_of(system, craft, CAUSES.get(name, "inertia")), name
 
 
 def _growth(flight: Flight, wheels: WheelArray) -> float:

@@ -29,7 +29,9 @@ def is_made(text: str) -> bool:
     return text.split()[0:1] in (["coil"], ["rod"])
 
 
-def design_coil(text: str, most_mass: float = inf) -> tuple[coil.Coil, str]:
+def design_coil(
+    text: str, most_mass: float = inf, longest: float = inf
+) -> tuple[coil.Coil, str]:
     """Return the coil that a text describes, and its construction as text.
 
     TURNS may be a dipole (0.2Am2): then the number of turns follows from it.
@@ -37,8 +39,9 @@ def design_coil(text: str, most_mass: float = inf) -> tuple[coil.Coil, str]:
     Raises
     ------
     DesatError
-        If the text has another form, the current melts the wire, or the coil is heavier
-        than `most_mass` (kg).
+        If the text has another form, the current melts the wire, its core does not hold
+        the dipole, or the coil is heavier than `most_mass` (kg) or longer than `longest`
+        (m).
     """
     words = text.split()
     size = (
@@ -49,6 +52,10 @@ def design_coil(text: str, most_mass: float = inf) -> tuple[coil.Coil, str]:
     if size is None:
         raise DesatError(f"--rods {text}: the form is {' or '.join(FORMS)}")
     a, b = (LENGTH(f"{size[k]} {size[3]}") for k in (1, 2))
+    if max(a, b) > longest:
+        raise DesatError(
+            f"--rods {text}: {max(a, b):.3g} m do not fit a craft of {longest:.3g} m"
+        )
     wire, current = LENGTH(words[3]), CURRENT(words[4])
     build: Callable[[float], coil.Coil]
     if words[0] == "coil":
@@ -77,6 +84,11 @@ def design_coil(text: str, most_mass: float = inf) -> tuple[coil.Coil, str]:
         else _turns(words[1], build)
     )
     found = build(turns)
+    if words[0] == "rod" and found.dipole > (most := coil.core_limit(a, b / 2.0)):
+        raise DesatError(
+            f"--rods {text}: {found.dipole:.3g} A m2; a core of {size[0]} is saturated at "
+            f"{most:.2g} A m2"
+        )
     if found.mass > most_mass:
         raise DesatError(
             f"--rods {text}: {turns:.3g} turns of {found.mass:.3g} kg; {most_mass:.3g} kg each is "

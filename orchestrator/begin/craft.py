@@ -395,7 +395,7 @@ def _template_values(
             "inertial are left"
         )
     wheels = _wheels(facts, inertia)
-    rods = _rods(facts, mass, orbit)
+    rods = _rods(facts, mass, sides, orbit)
     thrusters = _thrusters(facts, sides)
     if facts.propellant is not None and PROPELLANT(facts.propellant) > 0.9 * mass:
         raise DesatError(
@@ -1033,7 +1033,9 @@ def _wheels(facts: CraftFacts, inertia: list[float]) -> NewWheels:
     )
 
 
-def _rods(facts: CraftFacts, mass: float, orbit: Orbit) -> dict[str, str] | None:
+def _rods(
+    facts: CraftFacts, mass: float, sides: tuple[float, float, float], orbit: Orbit
+) -> dict[str, str] | None:
     """Return the texts of the rods, or None without rods."""
     if facts.rods == "none" or (facts.rods is None and not orbit.of_earth):
         return None
@@ -1044,7 +1046,7 @@ def _rods(facts: CraftFacts, mass: float, orbit: Orbit) -> dict[str, str] | None
         )
     text = facts.rods or f"{0.02 * mass:.2g}"
     if coils.is_made(text):
-        found, construction = coils.design_coil(text, 0.1 * mass)
+        found, construction = coils.design_coil(text, 0.1 * mass, max(sides))
         return {
             "dipole": f"{found.dipole:.4g} A.m2",
             "lag": "20 ms",

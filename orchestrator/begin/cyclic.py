@@ -89,10 +89,12 @@ def fullest(axes: Array, cyclic: Array) -> float:
     return float(np.abs(cyclic @ np.linalg.pinv(axes).T).max())
 
 
-def shortfall(needs: float, has: float) -> str:
+def shortfall(
+    needs: float, has: float, cause: str = "residual dipole and gravity gradient"
+) -> str:
     """Return the text that wheels (N m s) cannot hold the momentum of an orbit."""
     return (
-        f"{has * 1e3:.4g} mN m s a wheel; residual dipole and gravity gradient turn "
+        f"{has * 1e3:.4g} mN m s a wheel; {cause} turn "
         f"{needs * 1e3:.4g} mN m s in and out of the fullest within each orbit, which no rods "
         "prevent"
     )

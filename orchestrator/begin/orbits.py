@@ -45,9 +45,6 @@ ORBITS = {
 INCLINATION = Quantity("--inclination", "deg", 0.0, 180.0, bare=False)
 DISTANCES = 0.1, 40.0  # astronomical units from the Sun
 YEARS = 1957, 2056  # of an epoch: years that two-line elements can express
-# Age of two-line elements (days): from the first on SGP4 is off by tens of kilometres,
-# from the second on by hundreds.
-DOUBTFUL, MEANINGLESS = 7.0, 30.0
 
 
 @dataclass(frozen=True)
@@ -87,8 +84,7 @@ def epoch_of(facts: CraftFacts) -> datetime:
     Raises
     ------
     DesatError
-        If it is no time, out of range, or too far from the epoch of the two-line
-        elements.
+        If it is no time, or out of range.
     """
     of_tle = None if facts.tle is None else _of_file(facts.tle)["epoch_tle_j2000"]
     if facts.epoch is None:
@@ -106,41 +102,7 @@ def epoch_of(facts: CraftFacts) -> datetime:
         raise DesatError(
             f"--epoch {facts.epoch}: a year from {YEARS[0]} to {YEARS[1]} is needed"
         )
-    if of_tle is not None and abs(age := _days(epoch, of_tle)) > MEANINGLESS:
-        raise DesatError(
-            f"--epoch {facts.epoch}: {_aged(age)} those of --tle {facts.tle}; "
-            f"SGP4 is not valid beyond {MEANINGLESS:g} days"
-        )
     return epoch
-
-
-def _days(epoch: datetime, elements: float) -> float:
-    """Return the days from the epoch of two-line elements (s, J2000) to another."""
-    return ((epoch - J2000).total_seconds() - elements) / 86400.0
-
-
-def _aged(days: float) -> str:
-    """Format an age in days."""
-    return f"{abs(days):.0f} days {'after' if days > 0.0 else 'before'}"
-
-
-def doubts(facts: CraftFacts) -> list[str]:
-    """Return warnings on facts that are possible but doubtful.
-
-    Raises
-    ------
-    DesatError
-        If epoch or two-line elements are invalid.
-    """
-    if facts.tle is None:
-        return []
-    age = _days(epoch_of(facts), _of_file(facts.tle)["epoch_tle_j2000"])
-    if abs(age) <= DOUBTFUL:
-        return []
-    return [
-        f"--epoch {facts.epoch}: {_aged(age)} those of --tle {facts.tle}; beyond "
-        f"{DOUBTFUL:g} days SGP4 is off by tens of kilometres"
-    ]
 
 
 def orbit_of(facts: CraftFacts, epoch: float) -> Orbit:

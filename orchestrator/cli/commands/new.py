@@ -129,7 +129,6 @@ def craft(
     typical of its class, and marked.
     """
     from ...begin.facts import CraftFacts
-    from ...begin.orbits import doubts
     from ...files.paths import shown
     from ...runs.new_craft import write_craft
 
@@ -161,7 +160,7 @@ def craft(
     )
     command = shlex.join(["desat", *sys.argv[1:]])
     written, warnings = write_craft(folder, facts, command, force)
-    warn([*doubts(facts), *warnings])
+    warn(warnings)
     if as_json:
         assumptions = [x._asdict() for x in written.assumptions]
         print_json(
