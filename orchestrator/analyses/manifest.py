@@ -124,7 +124,7 @@ class Manifest(Mapping[str, Any]):
     substeps: int = 1
     step_ratio: Mapping[str, int] = field(default_factory=dict)
     output_classes: Mapping[str, Any] = field(default_factory=dict)
-    connections: Mapping[str, Any] = field(default_factory=dict)
+    connections: Mapping[str, Mapping[str, str | float]] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
     platform: str = ""
     ssp: Mapping[str, str] | None = None
@@ -270,9 +270,9 @@ class Manifest(Mapping[str, Any]):
         for analysis in analyses():
             key = analysis.KEY
             if key in document:
-                parts[key] = document[key] and _read(
-                    key, analysis.PARTS.from_json, document[key]
-                )
+                parts[key] = None
+                if document[key] is not None:
+                    parts[key] = _read(key, analysis.PARTS.from_json, document[key])
         more = {
             key: x
             for key, x in document.items()

@@ -565,8 +565,18 @@ def schema(folder: Path) -> pa.Schema:
 def described(folder: Path) -> dict[str, dict[str, str]]:
     """Read title and unit of numbers, of `in.component.variable` and `curve.PLOT`."""
     path = folder / NUMBERS
-    numbers: dict[str, dict[str, str]] = table(path) if path.exists() else {}
-    return numbers
+    if not path.exists():
+        return {}
+    from pydantic import TypeAdapter, ValidationError
+
+    try:
+        return TypeAdapter(dict[str, dict[str, str]]).validate_python(
+            table(path), strict=True
+        )
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        raise DesatError(f"{path}: damaged ({place}: {first['msg']})") from error
 
 
 def digest(folder: Path, first: int | None = None) -> str:

@@ -12,6 +12,7 @@ import traceback
 from collections.abc import Sequence
 from contextlib import suppress
 from importlib import import_module
+from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import typer
@@ -202,7 +203,19 @@ def _quiet_first() -> list[str]:
 
 
 def _say_bug(error: Exception) -> int:
-    """Print an error that no user can have caused; return its exit code."""
+    """Print an error that no user can have caused; return its exit code.
+
+    A manifest that was changed by hand may have caused it: then that is said.
+    """
+    from ..runs.manifest import changed_manifest
+
+    folders = [Path(word) for word in sys.argv[1:] if not word.startswith("-")]
+    if changed := next(filter(None, map(changed_manifest, folders)), ""):
+        _say(
+            f"{changed}: it was changed after the run wrote it, and does not fit the run "
+            f"({type(error).__name__}: {error})"
+        )
+        return Exit.INPUT
     if os.environ.get("DESAT_TRACEBACK"):
         traceback.print_exc()
     _say(f"internal: {type(error).__name__}: {error} (DESAT_TRACEBACK=1 shows where)")

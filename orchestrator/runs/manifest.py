@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import replace
@@ -23,6 +24,8 @@ from ..system.expression import Table
 from ..system.model import J2000
 from ..system.typed import JsonObject
 
+SEAL = "seal"  # key of a manifest: the sha256 of its other keys
+RUN_ID = "run"  # attribute of a file of series: the identity of its run
 _RESERVED_OCTETS = (
     64_000  # bytes by which the manifest of a run under way is longer than it needs
 )
@@ -44,7 +47,13 @@ def attributes(manifest: Manifest) -> dict[str, str]:
         "title": manifest.about.get("title", ""),
         "epoch": (J2000 + timedelta(seconds=epochs[0])).isoformat() if epochs else "",
         "versions": json.dumps(manifest.versions),
+        RUN_ID: run_id_of(manifest),
     }
+
+
+def run_id_of(manifest: Manifest) -> str:
+    """Return the identity of a run, which its series and its manifest have in common."""
+    return f"{manifest.digest} {manifest.started or ''}".strip()
 
 
 def resumed(now: Manifest, before: JsonObject, folder: str, again: str) -> Manifest:
@@ -136,6 +145,43 @@ def write_json(path: Path, data: Any) -> None:
     replace_text(path, json.dumps(data, indent=1))
 
 
+def check_identity(folder: Path, manifest: Manifest, results: Results) -> None:
+    """Check that series are those of the run of a manifest.
+
+    Raises
+    ------
+    DesatError
+        If they are of another run. Those of older versions do not say of which they are.
+    """
+    found, expected = results.about(RUN_ID), run_id_of(manifest)
+    if found and expected and found != expected:
+        raise DesatError(
+            f"{folder}: its series are of another run (of {found.partition(' ')[2]}; its "
+            f"{MANIFEST} is of {expected.partition(' ')[2]})"
+        )
+
+
+def seal_of(document: JsonObject) -> str:
+    """Return the sha256 of a manifest's JSON without its seal."""
+    bare = {key: x for key, x in document.items() if key != SEAL}
+    return hashlib.sha256(json.dumps(bare, sort_keys=True).encode()).hexdigest()
+
+
+def changed_manifest(folder: Path) -> str:
+    """Return the path of a run folder's manifest that was changed since it was written.
+
+    Empty where there is none, it is as it was written, or it has no seal: it is of an
+    older version, or of a run under way.
+    """
+    file = folder / MANIFEST
+    try:
+        document = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return ""
+    is_sealed = isinstance(document, dict) and SEAL in document
+    return str(file) if is_sealed and document[SEAL] != seal_of(document) else ""
+
+
 def begin_manifest(folder: Path, manifest: Manifest) -> None:
     """Write the manifest of a run under way, with room for that of its end."""
     replace_text(
@@ -150,12 +196,14 @@ def end_manifest(folder: Path, manifest: Manifest) -> None:
 
     Where the disk is full, it goes into the room of the earlier one.
     """
+    document = manifest.to_json()
+    document[SEAL] = seal_of(document)
     part, text = (
         folder / f"{MANIFEST}.part",
-        json.dumps(manifest.to_json(), indent=1).encode(),
+        json.dumps(document, indent=1).encode(),
     )
     try:
-        write_json(folder / MANIFEST, manifest.to_json())
+        write_json(folder / MANIFEST, document)
     except OSError:
         if not part.exists() or part.stat().st_size < len(text):
             raise

@@ -35,7 +35,14 @@ from ..system.model import System
 from ..system.options import Options, as_arguments, from_json
 from ..system.schedule import schedule
 from . import stopping, substep_choice
-from .manifest import end_manifest, numbers, read_manifest, resumed, unrecorded
+from .manifest import (
+    check_identity,
+    end_manifest,
+    numbers,
+    read_manifest,
+    resumed,
+    unrecorded,
+)
 from .prepare import Case, prepare
 from .step_case import Outcome, step
 
@@ -537,7 +544,13 @@ def load_run(folder: Path) -> Run:
         )
     if manifest.status == "running":
         manifest = replace(manifest, status="killed (or still running)")
-    return Run(manifest, Results.open(folder))
+    results = Results.open(folder)
+    try:
+        check_identity(folder, manifest, results)
+    except DesatError:
+        results.close()
+        raise
+    return Run(manifest, results)
 
 
 def run_or_load(target: str, analysis: ModuleType | None = None) -> Run:

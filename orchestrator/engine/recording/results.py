@@ -304,6 +304,10 @@ class Results:
         except DAMAGED as error:
             raise self._unreadable(f"{name}, attribute {key},", error) from error
 
+    def about(self, key: str) -> str:
+        """Read an attribute of the file; empty if it has none of this name."""
+        return str(self._file.attrs.get(key, ""))
+
     def choices(self, name: str) -> tuple[str, ...]:
         """Read the names of an Integer's values; empty if it has none.
 
