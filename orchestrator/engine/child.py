@@ -120,10 +120,15 @@ def apart(work: Callable[[], T], order: Sequence[str], limit: float) -> T:
 
 def stopped(ended: Ended) -> None:
     """Raise KeyboardInterrupt or SystemExit if a signal stopped the process."""
-    if ended.signal == signal.SIGINT:
-        raise KeyboardInterrupt
     if ended.signal:
-        raise SystemExit(128 + ended.signal)
+        raise_stop(ended.signal)
+
+
+def raise_stop(number: int) -> NoReturn:
+    """Raise the exception of a signal to stop: KeyboardInterrupt or SystemExit."""
+    if number == signal.SIGINT:
+        raise KeyboardInterrupt
+    raise SystemExit(128 + number)
 
 
 def layout_of(ended: Ended) -> Layout | None:

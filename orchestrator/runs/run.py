@@ -74,6 +74,7 @@ class Run:
 
     manifest: Manifest
     results: Results
+    signal: int = 0  # signal to stop that came meanwhile; 0: none
 
     @property
     def ok(self) -> bool:
@@ -235,7 +236,7 @@ def execute(
     DesatError
         If the run cannot begin.
     """
-    return simulate(prepare(target, options), folder, progress)
+    return simulate(prepare(target, options), folder, progress, partial=True)
 
 
 def simulate(
@@ -244,8 +245,12 @@ def simulate(
     progress: bool = False,
     checkpoint: Checkpoint | None = None,
     choice: SubstepChoice | None = None,
+    partial: bool = False,
 ) -> Run:
     """Run a prepared case; with `folder` None the series stay in memory.
+
+    With `partial` a run that a signal ends is returned as any other. Otherwise the
+    signal ends the study that the run belongs to, by an exception.
 
     `choice` is that of the substeps with which the run begins; None: it chooses itself.
     With `checkpoint` the run continues from there, in the folder of the run that was
@@ -264,7 +269,7 @@ def simulate(
     RunError
         If there is no room for it.
     KeyboardInterrupt, SystemExit
-        If a signal stops it before it has begun.
+        If a signal stops it before it has begun, or it is not `partial`.
     """
     system, _ = case.or_raise()
     if checkpoint is None and choice is None:
@@ -273,6 +278,9 @@ def simulate(
         choice = Manifest.from_json(checkpoint.about["manifest"]).substep_choice
     for attempts_left in reversed(range(substep_choice.AGAIN)):
         run = _simulate(_with_inner(case, choice), choice, folder, progress, checkpoint)
+        if run.signal and not partial:
+            run.results.close()
+            child.raise_stop(run.signal)
         if choice is None or not run.ok:
             break
         more = substep_choice.choose_again(
@@ -387,6 +395,7 @@ def _simulate(
             exit=int(outcome.code) or None,
         ),
         results,
+        outcome.signal,
     )
     try:
         _measure(run, system)
@@ -462,6 +471,7 @@ def _simulate_apart(
         if outcome is None and not full:
             _raise_bug_of(ended)
         if outcome is not None:
+            outcome.signal = outcome.signal or ended.signal
             if ended.exit_text:  # all is recorded: it ended while a component was freed
                 outcome.status, outcome.message = (
                     "failed",
@@ -513,6 +523,7 @@ def _cut_short(
         outcome = Outcome("no space", f"{place / SERIES}: {full}", Exit.SPACE)
     elif ended.signal:
         outcome = Outcome("interrupted", "stopped by the user", 128 + ended.signal)
+        outcome.signal = ended.signal
     elif ended.hung:
         outcome = Outcome(stopping.LATE, ended.text(), Exit.TIMEOUT)
     part, path = place / f"{SERIES}.part", place / SERIES
@@ -616,7 +627,8 @@ def resume(folder: Path, progress: bool = False) -> Run:
     target, options = checkpoint.about["target"], from_json(checkpoint.about)
     try:
         with chdir(checkpoint.about["from"]):
-            return simulate(prepare(target, options), folder, progress, checkpoint)
+            case = prepare(target, options)
+            return simulate(case, folder, progress, checkpoint, partial=True)
     except OSError as error:
         if error.filename == checkpoint.about["from"]:
             raise DesatError(

@@ -36,6 +36,7 @@ class Outcome:
     status: str
     message: str = ""
     code: int = 0  # exit code, where the status does not imply it
+    signal: int = 0  # signal to stop that came while it ran or was recorded; 0: none
     steps: int = 0
     seconds: float = 0.0  # s, wall time of the steps
     # the loop that stepped, and why it was not the compiled one
@@ -168,6 +169,7 @@ def step(
                 outcome.status = "interrupted"
                 outcome.message = f"stopped by the user at t = {master.t:g} s"
                 outcome.code = int(Exit(128 + number))
+                outcome.signal = number
             elif reason == stopping.LATE:
                 outcome.status = reason
                 outcome.message = (
@@ -196,8 +198,9 @@ def step(
             _terminate(master, outcome)
         _add(outcome.warnings, [*changes("while it ran"), *master.messages()])
         # compressing a day's series takes seconds; the outcome is reported after that
-        with interruptible():
+        with interruptible() as interrupted:
             results = recorder.finish(master)
+            outcome.signal = outcome.signal or interrupted()
             tell("outcome", outcome)
         if spare is not None and outcome.status == "completed":
             spare.keep(master)

@@ -156,7 +156,7 @@ def run(
         if short := check_disk(case.or_raise()[0], options, place.absolute()):
             case.checked.warnings.append(short)
         warn(case.checked.warnings)
-        finished = simulate(case, place, progress=not as_json)
+        finished = simulate(case, place, progress=not as_json, partial=True)
         _tell_isolation(case, finished, as_json)
         warn(finished.manifest.warnings[len(case.checked.warnings) :])
         conclude(
