@@ -4,20 +4,28 @@ its closed loop."""
 
 from __future__ import annotations
 
+import re
+import signal
+import time
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from desat.analyses import lower_bound
 from desat.begin.craft import write
 from desat.begin.facts import CraftFacts
 from desat.components.blocks.manager_threshold import ManagerThreshold
 from desat.components.blocks.thrusters import Thrusters
 from desat.components.contract.block import BlockError
+from desat.components.laws import least_firing
 from desat.engine import loop
 from desat.numbers.measures import growth_between
+from desat.report.run_tables import tabulate_numbers
 from desat.runs.prepare import prepare
+from desat.runs.run import execute
 from desat.sizing import dumps, page
+from desat.sizing.dumps import size as size_dumps
 from desat.sizing.requirements import SizingRequirements
 from desat.system.errors import DesatError
 from desat.system.options import Options
@@ -83,10 +91,187 @@ def test_an_aligned_dump_waits_for_its_attitude_but_not_for_ever():
     assert [mode for _, mode, _ in fly(law(aligned=1.5), turned, 2)] == [1, 1]
 
 
+def test_a_dump_that_waits_begins_before_the_wheels_are_full():
+    """An inertial craft does not turn: its momentum never lies along an axis."""
+    turned = [1.0, 1.0, 0.0]
+    block = law(aligned=1.1, latest=1.2)
+    rows = fly(block, turned, 100, grows=1e-3)
+    assert [mode for _, mode, _ in rows[:10]] == [2] * 10
+    first = next(fill for fill, mode, _ in rows if mode == 1)
+    assert 1.2 <= first < 1.22
+    assert max(fill for fill, _, _ in rows) < 1.22
+    assert fly(law(aligned=1.1, latest=1.01), [1.0, 0.0, 0.0], 1)[0][1] == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "count"),
+    [
+        ((), 0),
+        (("manager.latest=0",), 1),
+        (("manager.latest=0", "manager.longest_wait=20000"), 0),
+        (("manager.latest=40",), 1),
+    ],
+)
+def test_a_wait_that_cannot_be_afforded_is_refused(tmp_path, options, count):
+    facts = CraftFacts(
+        sun="1AU",
+        mass="600kg",
+        wheels="4 pyramid 15Nms",
+        thrusters="4 1N",
+        dump="thrusters 70:10 aligned",
+        pointing="inertial",
+        secular="0uNm,90uNm,60uNm",
+    )
+    write(tmp_path / "c", facts, "")
+    checked = prepare(str(tmp_path / "c"), Options(sets=list(options))).checked
+    assert len([x for x in checked.problems if "wait" in x]) == count
+    if options == ("manager.latest=0",):
+        (line,) = checked.problems
+        assert "bring up to 5.61 N m s into a wheel, which holds 4.5 N m s" in line
+        with pytest.raises(DesatError, match="longest_wait = 86400 s"):
+            size_dumps(str(tmp_path / "c"), Options(sets=list(options)))
+
+
+def test_a_craft_whose_dumps_wait_keeps_its_attitude(tmp_path):
+    facts = CraftFacts(
+        sun="1AU",
+        mass="600kg",
+        wheels="4 pyramid 15Nms",
+        thrusters="4 1N",
+        dump="thrusters 70:10 aligned",
+        pointing="inertial",
+        secular="0uNm,90uNm,60uNm",
+    )
+    write(tmp_path / "c", facts, "")
+    start = "wheels.h_start_wheel=10.4,10.4,0,0"
+    run = execute(str(tmp_path / "c"), Options(stop=60000.0, sets=[start]))
+    numbers = run.manifest.numbers
+    assert numbers["dumps"].value == 1.0
+    assert numbers["largest_momentum"].value == pytest.approx(85.0, abs=0.5)
+    assert numbers["pointing_largest"].value < 0.5
+    few = tabulate_numbers(run.manifest, None, ["this run"])
+    rows = [row for row in few.rows if "fewer than two events" in str(row[-1])]
+    (row,) = rows
+    assert "Time between two dumps, mean, momentum that a dump takes out" in str(row[0])
+
+
+def test_rates_are_of_the_weeks_between_dumps(tmp_path):
+    """Its first dump comes after a week; node and Sun move meanwhile."""
+    facts = CraftFacts(
+        mass="100kg",
+        altitude="650km",
+        inclination="60deg",
+        wheels="4 pyramid 1Nms",
+        rods="none",
+        thrusters="4 1N",
+        dump="thrusters 70:10",
+    )
+    write(tmp_path / "c", facts, "")
+    wishes = SizingRequirements(flown=False, year=False)
+    target = str(tmp_path / "c")
+    short = size_dumps(target, Options(sets=[]), wishes)
+    long = size_dumps(target, Options(stop=60 * 86400.0), wishes)
+    assert short.steady.a_week == pytest.approx(long.steady.a_week, rel=0.05)
+    assert short.steady.first == pytest.approx(long.steady.first, rel=1e-3)
+
+
+def test_the_numbers_of_a_sentence_are_of_one_condition(tmp_path):
+    facts = CraftFacts(
+        altitude="600km",
+        mass="150kg",
+        wheels="4 pyramid 0.3Nms",
+        rods="none",
+        thrusters="4 1N",
+        dump="thrusters 70:10",
+    )
+    write(tmp_path / "c", facts, "")
+    found = size_dumps(str(tmp_path / "c"), Options(), SizingRequirements(flown=False))
+    said = re.search(
+        r"dumps (\S+) times a week, (\S+) g each, (\S+) kg a year at this rate; over "
+        r"the dates of a year (\S+) kg \((\S+) to (\S+) by date\)",
+        found.answer,
+    )
+    assert said is not None
+    rate, grams, a_year, mean, least, most = map(float, said.groups())
+    assert rate * 365.25 / 7.0 * grams * 1e-3 == pytest.approx(a_year, rel=0.02)
+    assert least <= mean <= most
+
+
+@pytest.mark.parametrize(("rods", "suffice"), [("0.5", True)])
+def test_a_craft_with_rods_and_thrusters_is_told_which_suffices(
+    tmp_path, desat, rods, suffice
+):
+    command = ["new", "craft", "c", "--size", "12U", "--sso", "500km", "--rods", rods]
+    dump = ["--thrusters", "4 50mN", "--dump", "thrusters 70:10"]
+    done = desat(*command, *dump, cwd=tmp_path, check=True)
+    assert "momentum is removed by  thrusters alone" in done.stdout
+    assert "without it the rods would" in done.stdout
+    found = size_dumps(
+        str(tmp_path / "c"), Options(), SizingRequirements(flown=False, year=False)
+    )
+    assert found.rods is not None
+    assert found.rods.suffice == suffice
+    assert 0.02 < found.rods.needed < 0.2
+    text = "suffice alone (" if suffice else "do not suffice alone: "
+    assert f"Its rods of {rods} A m2 {text}" in found.answer
+
+
+@pytest.mark.parametrize("dump", ["thrusters 70:10", None])
+def test_what_is_computed_after_a_run_takes_less_than_its_flight(tmp_path, dump):
+    """A month of a craft with rods and thrusters: no programme over all its samples."""
+    facts = CraftFacts(
+        orbit="geo",
+        mass="1500kg",
+        wheels="4 pyramid 40Nms",
+        rods="30",
+        thrusters="4 10N",
+        dump=dump,
+    )
+    write(tmp_path / "c", facts, "")
+    start = ["wheels.h_start_wheel=30,30,-30,-30"] if dump == "thrusters 70:10" else []
+    began = time.process_time()
+    run = execute(str(tmp_path / "c"), Options(stop=28 * 86400.0, sets=start))
+    seconds = time.process_time() - began
+    assert "bound" not in run.manifest.numbers
+    stepping = 1e-6 * run.manifest.us_per_step * run.manifest.steps_done
+    assert seconds < 2.0 * stepping + 3.0
+    if dump == "thrusters 70:10":
+        assert run.manifest.numbers["dumps"].value >= 1.0
+        with pytest.raises(DesatError, match=r"no bound: 241920 samples of 10 s"):
+            lower_bound.of_run(run.manifest, run.results)
+
+
+def test_a_large_programme_ends_with_a_signal(monkeypatch):
+    """The solver runs in a thread of its own, which a signal cancels."""
+    monkeypatch.setattr(least_firing, "LARGE", 10)
+    rng, n = np.random.default_rng(1), 40_000
+    rows, cost = rng.normal(size=(3, n)), rng.random(n)
+    none, most = np.zeros(n), np.ones(n)
+
+    def solve_many() -> None:
+        for k in range(500):
+            goal = np.array([1.0, 2.0, 3.0 + k])
+            least_firing.programme(cost, rows, goal, none, most)
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, stop)
+    began = time.monotonic()
+    signal.setitimer(signal.ITIMER_REAL, 0.15)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            solve_many()
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    assert time.monotonic() - began < 5.0
+
+
 @pytest.mark.parametrize(
     ("values", "text"),
     [
         ({"end": 1.0}, "end = 1.0 N m s is not below begin"),
+        ({"latest": 0.9}, "latest = 0.9 N m s is not above begin"),
         ({"aligned": 0.5}, "is never below 1"),
     ],
 )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tempfile
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -22,7 +21,7 @@ from desat.fmus.description import (
 )
 
 from ..engine.master import Master
-from ..files import io
+from ..files import io, library
 from ..language.content import content_of
 from ..runs import substep_choice
 from ..runs.prepare import prepare
@@ -183,23 +182,23 @@ def _archive(
     files, guid = native.with_wrapper(sources, described(""))
     target = file or Path(f"{identifier}.fmu")
     try:
-        with tempfile.TemporaryDirectory() as shared:
-            native.compile_wrapper(Path(shared), targets)
+        with library.own_temporary_folder() as shared:
+            native.compile_wrapper(shared, targets)
             page = documentation(block, identifier)
-            archive = Path(shared) / "loop.fmu"
+            archive = shared / "loop.fmu"
             native.assemble(
                 files,
                 identifier,
                 described(guid),
                 page,
-                Path(shared),
+                shared,
                 archive,
                 targets,
                 licence(block),
             )
             if third:
                 archive = fmi3.repack(
-                    archive, block, Path(shared) / "loop3.fmu", on, experiment
+                    archive, block, shared / "loop3.fmu", on, experiment
                 )
             io.replace_text(target, archive.read_bytes())
     except NoCompilerError as error:

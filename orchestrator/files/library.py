@@ -16,6 +16,7 @@ import tempfile
 import time
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -258,6 +259,26 @@ def _remove_all(folder: Path) -> None:
 def scratch(name: str) -> Path:
     """Create a folder that lasts as long as this process."""
     return Path(tempfile.mkdtemp(prefix=f"{name}-", dir=_root()))
+
+
+@contextmanager
+def own_temporary_folder() -> Iterator[Path]:
+    """Let temporary files of this process and its children go into a scratch folder.
+
+    What a killed process leaves there, another one removes.
+    """
+    folder = scratch("temporary")
+    before, variable = tempfile.tempdir, os.environ.get("TMPDIR")
+    tempfile.tempdir = os.environ["TMPDIR"] = str(folder)
+    try:
+        yield folder
+    finally:
+        tempfile.tempdir = before
+        if variable is None:
+            del os.environ["TMPDIR"]
+        else:
+            os.environ["TMPDIR"] = variable
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 _by_contents: dict[str, Path] = {}

@@ -6,10 +6,10 @@ They are built once and stored in the user's cache by the contents of the file.
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -96,7 +96,13 @@ def build(file: Path, platforms: str = "") -> Built:
 
 def _build(file: Path, target: Path, platforms: str) -> None:
     """Build the FMUs of a block file into a folder, as a whole."""
-    part = Path(tempfile.mkdtemp(suffix=".part", dir=target.parent))
+    from desat.fmus.build import INDEX
+
+    from . import library  # which imports this module
+
+    part = target.with_suffix(".part")
+    shutil.rmtree(part, ignore_errors=True)  # left by a process that was killed
+    part.mkdir()
     try:
         # a separate process, because building spawns others, which need an importable
         # script
@@ -114,10 +120,16 @@ def _build(file: Path, target: Path, platforms: str) -> None:
             capture_output=True,
             text=True,
             check=False,
+            env={**os.environ, "TMPDIR": str(library.scratch("build"))},
         )
         if done.returncode:
             last = (done.stderr.strip().splitlines() or ["no message"])[-1]
             raise DesatError(last.removeprefix("error: "))
+        if not (part / INDEX).exists():
+            raise DesatError(
+                f"{file}: it ended the process that builds it, with code 0, before an FMU "
+                "was written: a block file must not exit when it is imported"
+            )
         part.replace(target)
     finally:
         shutil.rmtree(part, ignore_errors=True)
