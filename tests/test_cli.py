@@ -859,3 +859,76 @@ def test_quiet_prints_errors_and_what_json_asks_for(desat, tmp_path, place):
 
 def test_the_version_by_its_short_name(desat):
     assert desat("-V", check=True).stdout == desat("--version", check=True).stdout
+
+
+@pytest.mark.parametrize(
+    ("line", "option"),
+    [
+        ("run c --stop 5 --stop 6", "--stop"),
+        ("new craft d --mass 1kg --mass 2kg", "--mass"),
+        ("new craft d --rods 0.1 --altitude 400km --rods 0.2", "--rods"),
+        ("new craft d --epoch 2027-01-01 --epoch=2028-01-01", "--epoch"),
+        ("campaign c -n 2 -n 3", "-n"),
+        ("campaign c -n 2 --seed 1 --seed 2", "--seed"),
+        ("size c --loop --no-loop", "--loop/--no-loop"),
+        ("export run c --out a --out b", "--out"),
+        ("check c --json --json", "--json"),
+    ],
+)
+def test_an_option_given_twice_is_refused(desat, line, option):
+    done = desat(*line.split())
+    assert done.returncode == Exit.INPUT
+    assert done.stderr == f"error: {option}: it is given twice; it takes one value\n"
+
+
+def test_every_option_of_the_command_tree_takes_one_value_or_says_so():
+    """No command of the tree is of another class."""
+    from desat.cli.console import OnceOnly
+
+    def leaves(command):
+        subcommands = getattr(command, "commands", None)
+        if subcommands is None:
+            yield command
+        for each in (subcommands or {}).values():
+            yield from leaves(each)
+
+    found = list(leaves(get_command(cli.app_for([]))))
+    assert len(found) > 25
+    assert all(isinstance(command, OnceOnly) for command in found)
+
+
+@pytest.mark.parametrize(
+    ("options", "name"),
+    [
+        (("--set", "manager.gain=1", "--set", "manager.gain=2"), "manager.gain"),
+        (("--source", "gyro=a.fmu", "--source", "gyro=b.fmu"), "gyro"),
+        (("--output-class", "a.b=state", "--output-class", "a.b=interval"), "a.b"),
+    ],
+)
+def test_a_name_given_twice_is_refused(desat, options, name):
+    done = desat("run", "nadir_day/day-dipole", *options)
+    assert done.returncode == Exit.INPUT
+    assert (
+        f"{options[2]} {options[3]}: {name} has {options[0]} {options[1]}"
+        in done.stderr
+    )
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "new craft d --pointing foo",
+        "new craft d --pointing nadri",
+        "new craft d --orbit foo",
+        "new craft d --rods foo",
+        "new craft d --thrusters '4 foo'",
+        "new craft d --wheels '4 foo 3Nms'",
+        "new craft d --wheels '4 pyramid foo'",
+        "faults nadir_day/day-dipole --fault foo",
+        "compare nadir_day/day-dipole --laws all --by foo",
+    ],
+)
+def test_a_list_of_choices_stands_once(desat, line):
+    done = desat(*shlex.split(line))
+    assert done.returncode == Exit.INPUT
+    assert done.stderr.count("there is ") == 1

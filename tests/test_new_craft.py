@@ -15,6 +15,13 @@ import numpy as np
 import pytest
 
 import desat as library
+from desat.analyses.flight import (
+    environment_block,
+    flown_at,
+    inputs_at,
+    wanted_attitude,
+)
+from desat.analyses.motion import period_of
 from desat.begin.body import CUBESATS
 from desat.begin.craft import SCENARIOS, write
 from desat.begin.facts import CraftFacts
@@ -23,8 +30,10 @@ from desat.components.physics.earth import ASTRONOMICAL_UNIT
 from desat.components.physics.orbit import EARTH_RADIUS
 from desat.files.hardware import classes, quantity
 from desat.fmus import registry
+from desat.runs.new_craft import write_craft
 from desat.runs.prepare import prepare
 from desat.runs.run import execute
+from desat.sizing.map import MapAxes, map_of
 from desat.sizing.requirements import SizingRequirements
 from desat.sizing.sizing import size
 from desat.system.errors import DesatError
@@ -662,3 +671,65 @@ def test_a_value_without_a_meaning_is_refused_in_a_line(tmp_path, facts, message
     assert message in str(refusal.value)
     assert "\n" not in str(refusal.value)
     assert not (tmp_path / "c").exists()
+
+
+@pytest.mark.parametrize(
+    "facts",
+    [
+        {"size": "12U", "altitude": "400km", "inclination": "51.6deg", "rods": "0.2"},
+        {"size": "6U", "sso": "520km", "rods": "0.1"},
+        {"mass": "50kg", "altitude": "600km", "inclination": "30deg", "rods": "5"},
+        {"size": "12U", "altitude": "450km", "pointing": "inertial", "rods": "0.3"},
+    ],
+)
+def test_an_assumed_dipole_has_the_worse_sign(tmp_path, facts):
+    """Its secular torque adds to that of the others: against its sign there is less."""
+    write_craft(tmp_path / "c", CraftFacts(**facts), "")
+    system, _ = prepare(str(tmp_path / "c"), Options()).or_raise()
+    dipole = system.components["spacecraft"].values["residual_dipole_body"]
+    sizes = {}
+    for sign in (1.0, -1.0, 0.0):
+        values = {"spacecraft.residual_dipole_body": [sign * x for x in dipole]}
+        turned, _ = prepare(str(tmp_path / "c"), Options(values=values)).or_raise()
+        block = environment_block(turned.components["environment"])
+        first = inputs_at(block, [0.0])
+        period = period_of(first["r_eci"][0], first["v_eci"][0])
+        times = np.linspace(0.0, round(86400.0 / period) * period, 1441)
+        block = environment_block(turned.components["environment"])
+        inputs = inputs_at(block, times.tolist())
+        flight = flown_at(turned, wanted_attitude(turned), inputs, times)
+        sizes[sign] = np.linalg.norm(flight.disturbance[-1] - flight.disturbance[0])
+    assert sizes[1.0] >= 0.98 * max(sizes.values())
+
+
+def test_the_least_rod_of_a_map_grows_with_the_dipole(tmp_path):
+    facts = CraftFacts(size="12U", altitude="400km", inclination="51.6deg", rods="0.2")
+    write(tmp_path / "c", facts, "")
+    for sign in (1.0, -1.0):
+        text = (tmp_path / "c" / "craft.toml").read_text()
+        axes = MapAxes(
+            rods=(0.1,),
+            inclinations=(20.0, 51.6),
+            altitudes=(350e3,),
+            dipoles=(0.0, 0.045, 0.09, 0.18),
+        )
+        found = map_of(
+            str(tmp_path / "c"), Options(), axes, SizingRequirements(), jobs=1
+        )
+        assert (np.diff(found.least[:, 0], axis=1) >= 0.0).all(), sign
+        assert (np.diff(found.rms[0, :, 0, :, 0], axis=1) >= 0.0).all(), sign
+        turned = re.sub(
+            r"(residual_dipole_body = )\[(.*?)\]",
+            lambda m: f"{m[1]}[{', '.join(str(-float(x)) for x in m[2].split(','))}]",
+            text,
+        )
+        (tmp_path / "c" / "craft.toml").write_text(turned)
+
+
+def test_a_quaternion_of_any_length_is_a_direction(tmp_path):
+    write(tmp_path / "c", CraftFacts(size="12U", altitude="400km", rods="0.2"), "")
+    plain, twice = (
+        prepare(str(tmp_path / "c"), Options(sets=[f"guidance.q_bo=0,0,0,{w}"]))
+        for w in (1, 2)
+    )
+    assert twice.checked.warnings == plain.checked.warnings

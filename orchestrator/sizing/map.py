@@ -2,9 +2,10 @@
 
 No closed loop is flown. The environment's own block flies each orbit for a day at the
 attitude that one run has shown (`flight.py`), and the momentum-only model flies all
-dipoles and rods on it side by side. Each dipole counts along the craft's own direction
-or against it, whichever is worse, because its sign is an assumption. Compared with a
-closed loop this leaves out pointing errors, the drift of a settling craft, and noise.
+dipoles and rods on it side by side. Each dipole stands for those of up to its size,
+along the craft's own direction or against it, whichever is worst, because its sign is an
+assumption. Compared with a closed loop this leaves out pointing errors, the drift of a
+settling craft, and noise.
 """
 
 from __future__ import annotations
@@ -293,14 +294,23 @@ def _fly(task: _Task) -> tuple[Array, Array]:
         for law, track in zip(task.laws, tracks, strict=True)
     ]
     tables = np.array([np.stack(c[:4]) for c in results]).transpose(1, 0, 2, 3, 4)
-    return _worse_of(np.array(leasts), 1), _worse_of(tables, 3)
+    order = np.argsort(task.dipoles, kind="stable")
+    return (
+        _largest_up_to(np.array(leasts), 1, order),
+        _largest_up_to(tables, 3, order),
+    )
 
 
-def _worse_of(values: Array, axis: int) -> Array:
-    """Return the larger of the values of each dipole along an axis and against it."""
+def _largest_up_to(values: Array, axis: int, order: Array) -> Array:
+    """Return the largest of the values of dipoles up to each size, of both signs.
+
+    Along an axis are the dipoles, each with SIGNS; `order` sorts their sizes.
+    """
     shape = values.shape
     pairs = (*shape[:axis], shape[axis] // len(SIGNS), len(SIGNS), *shape[axis + 1 :])
-    return np.asarray(values.reshape(pairs).max(axis=axis + 1))
+    worse = values.reshape(pairs).max(axis=axis + 1)
+    grown = np.maximum.accumulate(np.take(worse, order, axis=axis), axis=axis)
+    return np.asarray(np.take(grown, np.argsort(order), axis=axis))
 
 
 def _of_dipole(flight: Flight, dipole: Array) -> Array:
