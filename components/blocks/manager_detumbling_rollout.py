@@ -173,7 +173,7 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
     )
     coil_coupling: Mat33 = Parameter(
         "T/(A.m2)",
-        "field of a dipole at the magnetometer, taken off",
+        "field that a commanded dipole leaves at the magnetometer's sample, taken off",
         start=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     )
     rate_limit: float = Parameter(
