@@ -6,11 +6,14 @@ from __future__ import annotations
 import io
 import json
 import math
+import os
+import random
 import re
 import shutil
 import signal
 import subprocess
 import sys
+import time
 import zipfile
 from contextlib import nullcontext
 from dataclasses import replace
@@ -28,6 +31,8 @@ from test_verdicts import FAILED, LATE_ONE, UNMET, WELL, cell
 from desat import cli
 from desat.analyses import coverage, energy, fixed, residual
 from desat.analyses.manifest import Manifest, Stopped, SubstepChoice
+from desat.begin.craft import write
+from desat.begin.facts import CraftFacts
 from desat.campaign import case as campaign_case
 from desat.campaign import coordinator, plan, store
 from desat.campaign import draws as study
@@ -1127,9 +1132,47 @@ def test_the_time_of_a_run_is_that_of_its_steps(monkeypatch):
 def test_a_run_that_a_signal_stops_says_which(monkeypatch, number):
     monkeypatch.setattr(step_case, "interruptible", lambda: nullcontext(lambda: number))
     options = Options(blocks=True, stop=20.0, substeps=1)
-    run = runs.simulate(runs.prepare("gyrostat/light", options))
+    case = runs.prepare("gyrostat/light", options)
+    run = runs.simulate(case, partial=True)
     assert (run.manifest.status, run.code) == ("interrupted", 128 + number)
     assert run.manifest.message.startswith("stopped by the user at t = ")
+    # a run of a study takes the study with it
+    expected = KeyboardInterrupt if number == signal.SIGINT else SystemExit
+    with pytest.raises(expected):
+        runs.simulate(case)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "line",
+    [
+        "faults c -n 2 --stop 2orbits --jobs 1",
+        "compare c --laws all --stop 6orbits",
+        "size c",
+        "sweep c manager.gain=1e-4,1e-3,2e-3,4e-3 --stop 6orbits --jobs 1",
+        "bound c",
+    ],
+)
+def test_a_signal_at_any_moment_ends_a_study(tmp_path, line, number):
+    """Sent to the whole group of processes, as a terminal does, and to the first alone."""
+    write(tmp_path / "c", CraftFacts(size="12U", rods="0.2"), "")
+    draw = random.Random(f"{line} {number}")
+    for stop in (os.kill, os.killpg):
+        process = subprocess.Popen(
+            [sys.executable, "-m", "desat.cli", *line.split()],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+            cwd=tmp_path,
+        )
+        time.sleep(draw.uniform(0.7, 1.6))
+        if process.poll() is None:
+            stop(process.pid, number)
+        began = time.monotonic()
+        _, errors = process.communicate(timeout=60)
+        assert process.returncode in (128 + number, -number), errors
+        assert time.monotonic() - began < 5.0
+        assert b"Traceback" not in errors
 
 
 def test_a_run_whose_components_cannot_be_freed_ends_as_the_first(monkeypatch):
