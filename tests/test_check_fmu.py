@@ -99,12 +99,13 @@ def test_interface_platforms_and_hash_are_printed(desat, tmp_path, version):
     path = of_version(tmp_path, version)
     done = desat("check", str(path))
     assert done.returncode == 0, done.stderr
-    assert done.stderr == ""
+    assert done.stderr.count("warning: ") == 1
+    assert "its library cannot be loaded: it is no library of Linux" in done.stderr
     assert f"FMI {version} for co-simulation" in done.stdout
     assert f"platforms: {LIBRARIES[version].split('/')[1]}\n" in done.stdout
     answer = json.loads(desat("check", str(path), "--json").stdout)
     assert answer["sha256"] in done.stdout
-    assert answer["problems"] == answer["warnings"] == []
+    assert answer["problems"] == []
     found = {
         v["name"]: (v["causality"], v["shape"], v["unit"]) for v in answer["variables"]
     }
