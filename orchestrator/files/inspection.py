@@ -18,7 +18,7 @@ from ..system.errors import DesatError, plain
 from ..system.interface import base_name, role_classes
 from ..system.parameters import known_unit
 from . import library
-from .fmu import SIGNAL_KINDS, description_of, root_of, structure_faults
+from .fmu import SIGNAL_KINDS, root_of, structure_faults
 
 INDICES = re.compile(r"\[(\d+(?:,\d+)*)\]$")
 SUFFIX = ".fmu"
@@ -144,7 +144,7 @@ def inspect_fmu(path: Path) -> InspectedFmu:
     ]
     variables: tuple[InspectedVariable, ...] = ()
     try:
-        variables = _variables(description_of(fmu.folder))
+        variables = _variables(fmu.description)
     except Exception as error:  # fmpy raises many kinds
         problems = problems or [f"its variables cannot be read: {_line(error)}"]
     if len(problems) > MOST_FAULTS:
