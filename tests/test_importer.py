@@ -364,6 +364,26 @@ def test_outputs_and_locals_may_be_set_where_initial_says_so(typed, tmp_path):
         run(file, sets={"a.text": 3})
 
 
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        *((x, x) for x in ("43", "043.50", "true", "1979-05-27", "1, two", "[1]")),
+        ('"43"', "43"),
+        ("k * 2", "k * 2"),
+    ],
+)
+def test_a_text_is_set_as_it_is_typed(typed, tmp_path, value, text):
+    rows = [variable("s", 0, "String", start="-")]
+    rows += [variable("t[1]", 2, "String", start="-")]
+    rows += [variable("t[2]", 3, "String", start="-")]
+    rows += [variable("y", 16, causality="output")]
+    fmu(tmp_path / "resources/a.fmu", typed, rows)
+    file = write(tmp_path, component("a"))
+    sets = [f"a.s={value}", "a.t=1,02"]
+    found = checked(file, sets=sets).or_raise()[0].components["a"].parameters
+    assert found == {"s": text, "t[1]": "1", "t[2]": "02"}
+
+
 # --- faults of a description ----------------------------------------------------------
 
 
