@@ -516,8 +516,9 @@ class Builder:
             for name, component in components.items()
             for parameter, text in component.references.items()
         }
-        components, wrong = evaluate(components, references, self.place)
+        components, wrong, unsure = evaluate(components, references, self.place)
         self.problems += wrong
+        self.warnings += unsure
         self.problems += self._too_large(components.values())
         connections = self._connections()
         self.problems = list(dict.fromkeys(self.problems))
