@@ -25,7 +25,7 @@ enum { NOTHING, SEGFAULT, ABORT, KILL, EXIT_0, EXIT_3, HANG, OVERFLOW, IN_FREE, 
        CHDIR, ROUNDING, LOCALE, HANDLER, PRINT, LOG, STEP_ERROR, SLOW, DISCARD, NOT_FINITE,
        NEGATIVE, FORK, LEAVE, TRAPS, UMASK, ROUNDED, SCRIBBLE, KILL_GROUP, DAEMON,
        SCRIBBLE_EARLY, DOT, FATAL, FLUSHED, FORK_BESIDE, STAY,
-       SCRIBBLE_LONG, READ_WARNS, STEP_WARNS, ASKS_END, ENDS_BADLY, START_NEGATIVE };
+       SCRIBBLE_LONG, READ_WARNS, STEP_WARNS, ASKS_END, ENDS_BADLY, START_NEGATIVE, SCRIBBLE_CODE };
 
 static int recurse(int n) { volatile char big[65536]; big[n & 65535] = 1; return recurse(n + 1) + big[0]; }
 
@@ -86,6 +86,8 @@ int fmi2EnterInitializationMode(component c)
     if (me.how == FORK_BESIDE) fork();
     if (me.how == SCRIBBLE_EARLY) into_all("\0\0\0\4abcd", 8); /* a message of four letters */
     if (me.how == SCRIBBLE_LONG) into_all("\0\1\0\0", 4); /* a message of 65,536, which does not come */
+    /* a message that is code: builtins.exit(7), pickled */
+    if (me.how == SCRIBBLE_CODE) into_all("\0\0\0\26cbuiltins\nexit\n(I7\ntR.", 26);
     return 0;
 }
 int fmi2ExitInitializationMode(component c) { (void)c; if (me.how == IN_EXIT) ruin(EXIT_0); return 0; }

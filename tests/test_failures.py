@@ -475,6 +475,11 @@ desat.run({str(system)!r}, {{"bad.how": {FAILURES.index("DAEMON")}}}, step=1.0).
             "wrote into a file that is not its own; it was ended",
             Exit.COMPONENT,
         ),
+        (
+            "SCRIBBLE_CODE",
+            "wrote into a file that is not its own; it was ended",
+            Exit.COMPONENT,
+        ),
         ("SCRIBBLE_LONG", "did not return within 1 s", Exit.TIMEOUT),
     ],
 )

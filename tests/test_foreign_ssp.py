@@ -445,6 +445,47 @@ def test_files_outside_only_when_allowed(tmp_path: Path, gain: Path) -> None:
     prepare(str(file), Options(outside=True)).or_raise()
 
 
+@pytest.mark.parametrize("form", ["file://{}", "file:{}", "FILE://localhost{}"])
+def test_files_may_be_named_by_uri(tmp_path: Path, gain: Path, form: str) -> None:
+    """FMU and parameter file: within the folder, and outside where that is allowed."""
+    folder = tmp_path / "of it, 50%"
+    (folder / "resources").mkdir(parents=True)
+    values = inline({"u": 3.0}).partition("<ssd:ParameterValues>")[2]
+    values = values.partition("</ssd:ParameterValues>")[0]
+    for place in (tmp_path, folder / "resources"):
+        shutil.copy(gain, place)
+        names = f'<ssv:ParameterSet {NAMESPACES} version="1.0"'
+        text = values.replace('<ssv:ParameterSet version="1.0"', names)
+        (place / "p.ssv").write_text(text)
+    bound = '<ssd:ParameterBindings><ssd:ParameterBinding source="{}"/></ssd:ParameterBindings>'
+    for place, options in ((folder / "resources", {}), (tmp_path, {"outside": True})):
+        uris = [
+            form.format(
+                (place / name).as_posix().replace("%", "%25").replace(" ", "%20")
+            )
+            for name in ("gain.fmu", "p.ssv")
+        ]
+        one = component("a", bound.format(uris[1]), uris[0])
+        file = ssp(folder, gain, system("s", one))
+        run = desat.run(str(file), stop=2.0, step=0.5, substeps=1, **options)
+        assert run.results.values("a.y")[-1] == 3.0
+    problems = prepare(str(file), Options(stop=2.0, step=0.5)).checked.problems
+    assert len(problems) == 2, "the FMU and the parameter file"
+    assert all("is outside the folder of the system" in p for p in problems)
+
+
+@pytest.mark.parametrize(
+    "source", ["../gain.fmu", "/etc/passwd", "file:///etc/passwd", "..\\x", "file:../x"]
+)
+def test_a_file_outside_is_one_problem(tmp_path: Path, gain: Path, source: str) -> None:
+    """Also where its connectors are wired and not listed."""
+    bare = f'<ssd:Component name="a" source="{source}"/>'
+    elements = system("s", bare + component("b"), wire("a.y", "b.u"))
+    file = ssp(tmp_path, gain, elements)
+    (line,) = prepare(str(file), Options(stop=2.0, step=0.5)).checked.problems
+    assert "is outside the folder of the system" in line
+
+
 # --- stand-ins for the public ones: what makes each of their outcomes; their ways to write -----
 
 OMS_NAMES = (

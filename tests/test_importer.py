@@ -364,6 +364,26 @@ def test_outputs_and_locals_may_be_set_where_initial_says_so(typed, tmp_path):
         run(file, sets={"a.text": 3})
 
 
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        *((x, x) for x in ("43", "043.50", "true", "1979-05-27", "1, two", "[1]")),
+        ('"43"', "43"),
+        ("k * 2", "k * 2"),
+    ],
+)
+def test_a_text_is_set_as_it_is_typed(typed, tmp_path, value, text):
+    rows = [variable("s", 0, "String", start="-")]
+    rows += [variable("t[1]", 2, "String", start="-")]
+    rows += [variable("t[2]", 3, "String", start="-")]
+    rows += [variable("y", 16, causality="output")]
+    fmu(tmp_path / "resources/a.fmu", typed, rows)
+    file = write(tmp_path, component("a"))
+    sets = [f"a.s={value}", "a.t=1,02"]
+    found = checked(file, sets=sets).or_raise()[0].components["a"].parameters
+    assert found == {"s": text, "t[1]": "1", "t[2]": "02"}
+
+
 # --- faults of a description ----------------------------------------------------------
 
 
@@ -701,6 +721,43 @@ def test_a_library_that_cannot_be_loaded_is_found_by_check(typed, tmp_path):
     assert fault.startswith("it needs ")
     assert fault.endswith("libgone.so, which is not here")
     assert binary.loading_fault(typed, ("fmi2DoStep",)) == ""
+
+
+@pytest.mark.parametrize(
+    ("name", "version", "here"),
+    [
+        ("libstdc++.so.6", "GLIBCXX_3.4.999", "GLIBCXX_3.4."),
+        ("libc.so.6", "GLIBC_2.999", "GLIBC_2."),
+        ("libgcc_s.so.1", "GCC_999.0.0", "GCC_"),
+        ("libm.so.6", "OTHER_1", "none"),
+    ],
+)
+def test_a_library_that_needs_a_newer_version_is_found_by_check(
+    typed, tmp_path, desat, name, version, here
+):
+    """Of a file and of a system; what is here provides the version named last."""
+    script, stub, user = (tmp_path / n for n in ("map", "stub.c", "user.c"))
+    script.write_text(f"{version} {{ newer; }};")
+    stub.write_text("int newer(void) { return 0; }")
+    source = Path(__file__).with_name("typed.c").read_text()
+    user.write_text(
+        source + "extern int newer(void); int call(void) { return newer(); }"
+    )
+    other, library = tmp_path / name, tmp_path / "new/typed.so"
+    library.parent.mkdir()
+    shared = ["gcc", "-shared", "-fPIC", "-nostdlib", "-o"]
+    of_stub = [f"-Wl,--version-script={script}", f"-Wl,-soname,{name}"]
+    subprocess.run([*shared, other, stub, *of_stub], check=True)
+    subprocess.run([*shared, library, user, other], check=True)
+    path = tmp_path / "resources/a.fmu"
+    unknowns = '<InitialUnknowns><Unknown index="1"/></InitialUnknowns>'
+    fmu(path, library, [variable("y", 16, causality="output")], unknowns=unknowns)
+    message = (
+        f"its library cannot be loaded: it needs {version} of {name}; here is {here}"
+    )
+    [line] = checked(write(tmp_path, component("a"))).problems
+    assert f"a: a.fmu: {message}" in line
+    assert f"warning: a.fmu: {message}" in desat("check", str(path)).stderr
 
 
 # --- structural parameters ------------------------------------------------------------

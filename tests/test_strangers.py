@@ -3,6 +3,8 @@ of ours."""
 
 from __future__ import annotations
 
+import io
+import json
 import re
 import shutil
 import subprocess
@@ -13,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lxml import etree
 
 import desat
 from desat.runs.prepare import prepare
@@ -290,3 +293,108 @@ def test_a_unit_that_nobody_knows_is_no_number(tmp_path: Path, library: bytes) -
         DesatError, match=r"unit oz\.in is not known: nothing says how N\.m\.s "
     ):
         prepare("nadir_day/day-dipole", Options(sources=[f"manager={path}"])).or_raise()
+
+
+# --- FMUs of each role that say nothing of units, classes and dependencies ------------
+
+DAY, TABLE = "nadir_day/day-dipole", "uosat12/table3-ocdc-ilqr-1"
+BARE = [
+    *((DAY, c) for c in ("controller", "determination", "environment", "guidance")),
+    *((DAY, c) for c in ("gyro", "magnetometer", "manager", "spacecraft")),
+    *((DAY, c) for c in ("tachometers", "torquers", "wheels")),
+    *((TABLE, c) for c in ("environment", "spacecraft", "thrusters", "torquers")),
+]
+OF_MEANING = ("unit", "displayUnit", "declaredType", "quantity", "min", "max")
+
+
+def strip(data: bytes) -> bytes:
+    """Remove units, types, dependencies and our annotations from an FMU of ours."""
+    stripped = io.BytesIO()
+    with (
+        zipfile.ZipFile(io.BytesIO(data)) as old,
+        zipfile.ZipFile(stripped, "w") as new,
+    ):
+        for name in old.namelist():
+            content = old.read(name)
+            if name == "modelDescription.xml":
+                root = etree.fromstring(content)
+                for tag in ("UnitDefinitions", "TypeDefinitions", "VendorAnnotations"):
+                    for element in root.findall(tag):
+                        root.remove(element)
+                for element in list(root.iter("Annotations")):
+                    element.getparent().remove(element)
+                for element in root.iter():
+                    for key in (*OF_MEANING, "dependencies", "dependenciesKind"):
+                        element.attrib.pop(key, None)
+                content = etree.tostring(root)
+            new.writestr(name, content)
+    return stripped.getvalue()
+
+
+@pytest.fixture(scope="module")
+def packed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """The .ssp of each scenario."""
+    packages = {}
+    for name in (DAY, TABLE):
+        file = tmp_path_factory.mktemp("packed") / "it.toml"
+        file.write_text(f'extends = "{name}"\n')
+        command = [sys.executable, "-m", "desat.cli", "pack", str(file)]
+        subprocess.run(command, check=True, capture_output=True)
+        packages[name] = file.with_suffix(".ssp").read_bytes()
+    return packages
+
+
+@pytest.mark.parametrize(("name", "component"), BARE)
+def test_what_a_bare_fmu_cannot_have_is_left_out_in_a_package_and_by_source(
+    packed: dict[str, bytes], tmp_path: Path, name: str, component: str
+) -> None:
+    """Of numbers, plots, limits and analyses, with a line each; both ways alike."""
+    member = f"resources/{component}.fmu"
+    other, bare = tmp_path / "other.ssp", tmp_path / f"{component}.fmu"
+    with (
+        zipfile.ZipFile(io.BytesIO(packed[name])) as old,
+        zipfile.ZipFile(other, "w") as new,
+    ):
+        bare.write_bytes(strip(old.read(member)))
+        for entry in old.namelist():
+            data = bare.read_bytes() if entry == member else old.read(entry)
+            new.writestr(entry, data)
+    sources = [f"{component}={bare}"]
+    lines = []
+    for case in (
+        prepare(str(other), Options(stop=20.0)),
+        prepare(name, Options(stop=20.0, sources=sources)),
+    ):
+        case.or_raise()
+        texts = [x for x in case.checked.warnings if "left out" in x]
+        assert len(set(texts)) == len(texts)
+        # rows of a paper do not travel in a package
+        lines.append({x.split(": ", 1)[1] for x in texts if ": paper." not in x})
+    assert lines[0] == lines[1]
+    run = desat.run(str(other), stop=20.0)
+    assert run.manifest.status == "completed", run.manifest.message
+
+
+def test_a_limit_that_does_not_fit_is_left_out_alone(
+    packed: dict[str, bytes], tmp_path: Path
+) -> None:
+    """Its plot and the plot's other limits stay."""
+    other = tmp_path / "other.ssp"
+    with (
+        zipfile.ZipFile(io.BytesIO(packed[DAY])) as old,
+        zipfile.ZipFile(other, "w") as new,
+    ):
+        for entry in old.namelist():
+            data = old.read(entry)
+            if entry.endswith("scenario.json"):
+                about = json.loads(data)
+                (plot,) = (p for p in about["plots"] if p["name"] == "dipole")
+                plot["limits"] = [1.0, "wheels.speed_limit", "torquers.m_limit"]
+                data = json.dumps(about).encode()
+            new.writestr(entry, data)
+    checked = prepare(str(other), Options(stop=20.0)).checked
+    system, _ = checked.or_raise()
+    (line,) = (x for x in checked.warnings if "left out" in x)
+    assert "plots.dipole.limits: unit of" in line
+    limits = system.about.plots["dipole"].limits
+    assert [x.value for x in limits] == [1.0, "torquers.m_limit"]

@@ -26,7 +26,8 @@ lists them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import cache
 from types import ModuleType
@@ -34,6 +35,9 @@ from typing import Any, Self
 
 from ..numbers.text import Value
 from ..system import discovery
+from ..system.interface import OutputClass, role_classes
+from ..system.model import System
+from ..system.schedule import schedule
 from ..system.typed import JsonObject
 
 
@@ -74,6 +78,51 @@ class Analysis:
     def __getattr__(self, name: str) -> Any:
         is_defined = hasattr(self._module, name) or name not in _NOTHING
         return getattr(self._module, name) if is_defined else _NOTHING[name]
+
+    def applies(self, system: System) -> Any:
+        """Return the parts of a system; None where it has none, or lacks their states."""
+        parts = self._module.applies(system)
+        late = {} if parts is None else find_late_states(system)
+        if not late:
+            return parts
+        # a part is named by its component or by a series of it
+        named = set(re.findall(r"'([\w.]+)'", repr((parts, self.signals(parts)))))
+        series = {f"{name}.{output}" for name, of in late.items() for output in of}
+        return None if named & (late.keys() | series) else parts
+
+
+def find_late_states(system: System) -> dict[str, list[str]]:
+    """Return the outputs over the step that their roles declare as states.
+
+    They are by component, and only of foreign FMUs in the place of a role: what declares
+    no dependencies is taken over the step. An analysis needs them at t_k.
+    """
+    late: dict[str, list[str]] = {}
+    classes: Mapping[tuple[str, str], OutputClass] = {}
+    for name, component in system.components.items():
+        role = role_classes().get(name)
+        if component.interface.role or role is None or component.fmu is None:
+            continue
+        states = {
+            v.name for v in role.variables if not v.interval and v.name != "fault"
+        }
+        classes = classes or schedule(system, breaks_loops=True).classes
+        outputs = {
+            s.array: None
+            for s in component.interface.outputs
+            if s.array in states and classes[name, s.name] == "interval"
+        }
+        late |= {name: list(outputs)} if outputs else {}
+    return late
+
+
+def late_state_warnings(system: System) -> Iterator[str]:
+    """Yield a line for each component without whose states analyses are left out."""
+    for name, outputs in find_late_states(system).items():
+        yield (
+            f"{system.place}: {name}: {', '.join(outputs)} are taken over the step: analyses "
+            f"that need them at t_k are left out; --output-class {name}.{outputs[0]}=state"
+        )
 
 
 @cache

@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import typer
-from rich.console import Console
-from rich.measure import Measurement
+from rich.console import Console, JustifyMethod
 from rich.table import Table as RichTable
 from rich.text import Text
 from typer.core import TyperCommand, TyperGroup
@@ -267,17 +266,24 @@ def print_table(table: Table, *, is_folded: bool = False) -> None:
     shown = RichTable(
         box=None, pad_edge=False, header_style="bold", show_header=table.has_header
     )
-    for heading, column in zip(table.headings(), table.columns, strict=True):
-        shown.add_column(
-            heading, justify="right" if column.kind == "number" else "left"
-        )
-    for row in table.cells():
-        shown.add_row(*(Text(plain(str(cell.value)), MARKS[cell.mark]) for cell in row))
+    rows = [
+        [Text(plain(str(cell.value)), MARKS[cell.mark]) for cell in row]
+        for row in table.cells()
+    ]
+    headings = list(map(out.render_str, table.headings()))
+    # a column that is not folded has its width from here: the library measures twice
+    widths = [
+        None if is_folded else max(text.cell_len for text in texts)
+        for texts in zip(headings, *rows, strict=True)
+    ]
+    for heading, column, width in zip(headings, table.columns, widths, strict=True):
+        justify: JustifyMethod = "right" if column.kind == "number" else "left"
+        shown.add_column(heading, justify=justify, width=width)
+    for row in rows:
+        shown.add_row(*row)
     usual = out.width
+    full_width = sum(filter(None, widths)) + 2 * (len(widths) - 1)
     if not is_folded:
-        full_width = Measurement.get(
-            out, out.options.update(max_width=10_000), shown
-        ).maximum
         out.width = max(usual, full_width)  # `print` limits its width to this
     out.print(shown)
     out.width = usual

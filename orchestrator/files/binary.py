@@ -13,26 +13,23 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+_WEAK = 2  # flag of a version that may be missing (VER_FLG_WEAK)
 # Machine of the platform -> that of ELF.
 _MACHINES = {"x86_64": "EM_X86_64", "aarch64": "EM_AARCH64"}
-# Libraries that every Linux has, which need no look.
-_USUAL = (
-    "libc.so.",
-    "libm.so.",
-    "libpthread.so.",
-    "libdl.so.",
-    "librt.so.",
-    "ld-linux",
-)
-_GLIBC = "GLIBC_"
-# Program that loads system libraries, and prints the name of each that is missing.
+# Program that loads system libraries, and prints the file of each; an empty line for one
+# that is missing. The second value of a `struct link_map` is the file's name.
 _LOADER = """
 import ctypes, sys
+where, of_linker = ctypes.c_void_p(), 2  # RTLD_DI_LINKMAP
 for name in sys.argv[1:]:
     try:
-        ctypes.CDLL(name)
+        handle = ctypes.c_void_p(ctypes.CDLL(name)._handle)
     except OSError:
-        print(name)
+        print()
+        continue
+    ctypes.CDLL(None).dlinfo(handle, of_linker, ctypes.byref(where))
+    file = ctypes.cast(where.value, ctypes.POINTER(ctypes.c_char_p))[1]
+    print(file.decode(errors="surrogateescape"))
 """
 
 
@@ -75,50 +72,57 @@ def _fault_of(elf: Any, folder: Path, functions: Iterable[str]) -> str:
     )
     if lacking := [name for name in functions if name not in exported]:
         return f"it does not export {', '.join(lacking)}"
+    return _dependency_fault(elf, folder)
+
+
+def _dependency_fault(elf: Any, folder: Path) -> str:
+    """Return which library, or version of one, a shared library lacks."""
     dynamic = elf.get_section_by_name(".dynamic")
     needed = [t.needed for t in dynamic.iter_tags("DT_NEEDED")] if dynamic else []
-    if missing := _missing(needed, folder):
+    files = {name: str(folder / name) for name in needed if (folder / name).exists()}
+    others = tuple(sorted(set(needed) - files.keys()))
+    files |= zip(others, _find_libraries(others), strict=True)
+    if missing := [name for name in needed if not files[name]]:
         return f"it needs {', '.join(missing)}, which is not here"
-    if version := _too_new(elf):
-        return f"it needs {version}; here is {_GLIBC}{platform.libc_ver()[1]}"
+    section = elf.get_section_by_name(".gnu.version_r")
+    for library, entries in section.iter_versions() if section is not None else ():
+        versions = _read_versions(files.get(library.name, ""))
+        for entry in entries:
+            is_weak = entry["vna_flags"] & _WEAK
+            if versions and entry.name not in versions and not is_weak:
+                kind = entry.name.rpartition("_")[0]
+                of_kind = [v for v in versions if v.rpartition("_")[0] == kind]
+                newest = max(of_kind, key=_numbers, default="none")
+                return f"it needs {entry.name} of {library.name}; here is {newest}"
     return ""
 
 
-def _missing(needed: Iterable[str], folder: Path) -> list[str]:
-    """Return the libraries that are neither in a folder nor of the system."""
-    names = [
-        name
-        for name in needed
-        if not name.startswith(_USUAL) and not (folder / name).exists()
-    ]
-    if not names:
-        return []
+@lru_cache(maxsize=256)
+def _find_libraries(names: tuple[str, ...]) -> list[str]:
+    """Return the files of system libraries; an empty text for one that is missing."""
     done = subprocess.run(
         [sys.executable, "-I", "-S", "-c", _LOADER, *names],
         capture_output=True,
         text=True,
         check=False,
     )
-    return done.stdout.split()
+    return done.stdout.splitlines()
 
 
-def _too_new(elf: Any) -> str:
-    """Return the version of glibc that a library needs, if it is newer than ours."""
-    here = _numbers(platform.libc_ver()[1])
-    section = elf.get_section_by_name(".gnu.version_r")
-    if section is None or not here:
-        return ""
-    versions = [
-        entry.name
-        for _, entries in section.iter_versions()
-        for entry in entries
-        if entry.name.startswith(_GLIBC)
-    ]
-    newest = max(versions, key=lambda v: _numbers(v.removeprefix(_GLIBC)), default="")
-    return newest if _numbers(newest.removeprefix(_GLIBC)) > here else ""
+@lru_cache(maxsize=256)
+def _read_versions(library: str) -> frozenset[str]:
+    """Return the versions that a shared library defines; none where it cannot be read."""
+    from elftools.elf.elffile import ELFFile
+
+    if not Path(library).is_file():
+        return frozenset()
+    with open(library, "rb") as stream:
+        section = ELFFile(stream).get_section_by_name(".gnu.version_d")
+        definitions = section.iter_versions() if section is not None else ()
+        return frozenset(next(names).name for _, names in definitions)
 
 
 def _numbers(version: str) -> tuple[int, ...]:
-    """Return the numbers of a version; empty where it has others than digits."""
-    parts = version.split(".")
+    """Return the numbers of a version such as GLIBC_2.36; empty where it has others."""
+    parts = version.rpartition("_")[2].split(".")
     return tuple(map(int, parts)) if all(p.isdigit() for p in parts) else ()

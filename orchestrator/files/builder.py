@@ -32,7 +32,7 @@ from ..system.model import (
     Substeps,
     System,
 )
-from ..system.parameters import expand, in_unit_of, is_quantity, known_unit
+from ..system.parameters import as_text, expand, in_unit_of, is_quantity, known_unit
 from . import library, paths
 
 # The kinds of outputs that an input of each kind takes: none loses anything.
@@ -89,11 +89,12 @@ class Part:
             else []
         )
 
-    def assign(self, name: str, value: Any, place: str) -> None:
+    def assign(self, name: str, value: Any, place: str, typed: str = "") -> None:
         """Set a parameter (or input) to a value, or to a text that refers to others.
 
-        A text for a Real is a product of parameters (`expression.py`). Nothing is set
-        if the interface is unknown, because the missing interface is a problem already.
+        A text for a Real is a product of parameters (`expression.py`). A String takes
+        `typed`, the value as it was typed. Nothing is set if the interface is unknown,
+        because the missing interface is a problem already.
 
         Raises
         ------
@@ -108,6 +109,8 @@ class Part:
             expand(self.interface, name, [s.start or 0.0 for s in signals], place)
             self.references[name] = value
             return
+        if typed and signals and signals[0].kind == "String":
+            value = as_text(value, typed, len(signals))
         values = expand(self.interface, name, value, place, typed=True)
         self.parameters.update(values)
         self.references.pop(base_name(name), None)
@@ -315,6 +318,8 @@ class Builder:
         A bare block has no file: `fmu` is None from then on.
         """
         part.interface = None
+        if not part.source:  # it is refused already
+            return
         try:
             part.interface = library.interface_of(
                 part.source, part.fmu, self.blocks, self._is_foreign(part)
@@ -431,7 +436,8 @@ class Builder:
                 if layer.of_options and value.owner != SHARED:
                     self._check_open(part, value)
                 prefix = f"{value.prefix}: " if value.prefix else ""
-                part.assign(value.name, value.value, f"{prefix}{part.name}")
+                at = f"{prefix}{part.name}"
+                part.assign(value.name, value.value, at, value.text)
                 part.origins[base_name(value.name)] = value.origin
                 if resizes:
                     part.resize()
@@ -510,8 +516,9 @@ class Builder:
             for name, component in components.items()
             for parameter, text in component.references.items()
         }
-        components, wrong = evaluate(components, references, self.place)
+        components, wrong, unsure = evaluate(components, references, self.place)
         self.problems += wrong
+        self.warnings += unsure
         self.problems += self._too_large(components.values())
         connections = self._connections()
         self.problems = list(dict.fromkeys(self.problems))
@@ -750,6 +757,8 @@ class Builder:
             return None
         signals = part.interface.signals if part.interface else {}
         known = part.connectors or signals
+        if not known and part.interface is None:
+            return None
         signal = signals.get(connector)
         has_causality = signal is not None and signal.causality == causality
         if part.placed_by and part.interface is not None and not has_causality:

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import fmpy
-
 from desat.components.contract.block import Variable
 from desat.components.contract.units import conversion, unit_of
 
@@ -20,7 +18,7 @@ from ..system.errors import DesatError, plain
 from ..system.interface import base_name, role_classes
 from ..system.parameters import known_unit
 from . import library
-from .fmu import SIGNAL_KINDS, description_of, of_fmu, root_of, structure_faults
+from .fmu import SIGNAL_KINDS, root_of, structure_faults
 
 INDICES = re.compile(r"\[(\d+(?:,\d+)*)\]$")
 SUFFIX = ".fmu"
@@ -146,7 +144,7 @@ def inspect_fmu(path: Path) -> InspectedFmu:
     ]
     variables: tuple[InspectedVariable, ...] = ()
     try:
-        variables = _variables(description_of(fmu.folder))
+        variables = _variables(fmu.description)
     except Exception as error:  # fmpy raises many kinds
         problems = problems or [f"its variables cannot be read: {_line(error)}"]
     if len(problems) > MOST_FAULTS:
@@ -314,13 +312,8 @@ def _larger(one: tuple[int, ...], other: tuple[int, ...]) -> tuple[int, ...]:
 
 def _obstacles(fmu: library.FmuFile) -> list[str]:
     """Return why an FMU that satisfies the standard would not run here, a line each."""
-    name = fmu.path.name
     try:
-        version = of_fmu(fmu.folder, name).fmi
+        obstacle = library.find_obstacle(fmu)
     except DesatError as error:
         return [str(error)]
-    here = fmpy.platform_tuple if version == "3.0" else fmpy.platform
-    if here in fmu.platforms:
-        return []
-    there = ", ".join(fmu.platforms) or "none"
-    return [f"{name} has no binary for {here}; there is {there}"]
+    return [obstacle] if obstacle else []

@@ -196,7 +196,8 @@ def _values(options: Options, sampled: Mapping[str, str]) -> Iterator[Value]:
             raise DesatError(f"--set {text}: {name}.{variable} is given twice")
         names_given.add((name, variable))
         origin = f"--set {text}"
-        yield Value(name, variable, value, origin, origin, raises=name != SHARED)
+        typed = text.partition("=")[2].strip()
+        yield Value(name, variable, value, origin, origin, name != SHARED, typed)
     for key, value in options.values.items():
         name, _, variable = key.partition(".")
         origin = sampled.get(key, key)

@@ -566,12 +566,18 @@ def problems(system: System, options: Options) -> Iterator[str]:
         fmu = c.fmu
         if trusted is not None and fmu.sha256 not in trusted:
             yield f"{c.name}: {fmu.path.name} is not of the list of --trust (sha256 {fmu.sha256})"
-        here = fmpy.platform_tuple if fmu.interface.fmi == "3.0" else fmpy.platform
-        if here not in (known := fmu.platforms):
-            there = ", ".join(known) or "none"
-            yield f"{c.name}: {fmu.path.name} has no binary for {here}; there is {there}"
-        elif fault := _loading_fault(fmu, here):
-            yield f"{c.name}: {fmu.path.name}: its library cannot be loaded: {fault}"
+        if obstacle := find_obstacle(fmu):
+            yield f"{c.name}: {obstacle}"
+
+
+def find_obstacle(fmu: Fmu) -> str:
+    """Return why an FMU's library could not run here, or an empty text."""
+    here = fmpy.platform_tuple if fmu.interface.fmi == "3.0" else fmpy.platform
+    if here not in (known := fmu.platforms):
+        there = ", ".join(known) or "none"
+        return f"{fmu.path.name} has no binary for {here}; there is {there}"
+    fault = _loading_fault(fmu, here)
+    return fault and f"{fmu.path.name}: its library cannot be loaded: {fault}"
 
 
 def _loading_fault(fmu: Fmu, here: str) -> str:

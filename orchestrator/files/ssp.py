@@ -458,7 +458,7 @@ class _Reader:
 
     def component(self, element: Any, path: str) -> Place:
         """Read a component: source, connectors and step size hint."""
-        source = unquote(element.get("source", "")).replace("\\", "/")
+        source = self.source_of(element)
         kind = element.get("type") or FMU_TYPE
         if kind != FMU_TYPE:
             raise DesatError(
@@ -471,9 +471,9 @@ class _Reader:
                 f"{self.at(element)}: {path}: of proxyfmu its file alone is used: "
                 f"{source} runs here"
             )
-        fmu = (
-            library.find(source, self.folder) if self.inside(element, source) else None
-        )
+        if self.inside(element, source) is None:
+            source = ""
+        fmu = library.find(source, self.folder) if source else None
         connectors: dict[str, Connector] = {}
         name = self.named(path)
         for child in element.iterfind(f"{{{SSD}}}Connectors/{{{SSD}}}Connector"):
@@ -506,6 +506,18 @@ class _Reader:
         if hint is not None:
             self.hints[path] = self.number(hint, "value", "0")
         return Place(name, source, fmu, line=element.sourceline, connectors=connectors)
+
+    def source_of(self, element: Any) -> str:
+        """Return the file that an element names, relative to the folder if it is in it.
+
+        A URI may have the scheme `file`.
+        """
+        source = unquote(element.get("source", "")).replace("\\", "/")
+        if uri := re.fullmatch(r"(?i)file:(?://(?:localhost)?(?=/))?(.+)", source):
+            source = re.sub(r"^/([A-Za-z]:)", r"\1", uri[1])
+            for folder in (self.folder.absolute(), self.folder.resolve()):
+                source = source.removeprefix(f"{folder.as_posix()}/")
+        return source
 
     def inside(self, element: Any, source: str) -> Path | None:
         """Return the path of a file that the system names.
@@ -629,7 +641,7 @@ class _Reader:
         Return its root and its name in messages. If it does not exist the root is None,
         and a problem is added.
         """
-        source = unquote(element.get("source")).replace("\\", "/")
+        source = self.source_of(element)
         file, place = self.inside(element, source), f"{self.prefix}{source}"
         if file is None:
             return None, place

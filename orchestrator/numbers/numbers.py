@@ -332,7 +332,7 @@ def _conversion(
         If they do not fit.
     """
     name, unit = number.measure, number.unit
-    source, shown = unit_of(own_unit), own_unit
+    source, shown = unit_of(own_unit), own_unit or "1"
     if name in OWN_UNIT:
         source, shown = OWN_UNIT[name](source), f"of {name}"
     if (reference := number.percent_of) is not None:

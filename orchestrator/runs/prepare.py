@@ -18,6 +18,7 @@ from ..analyses import (
     energy,
     firings,
     fixed,
+    late_state_warnings,
     management,
     needs,
     plausibility,
@@ -250,25 +251,26 @@ def _hold(
     target: Target,
     options: Options,
 ) -> None:
-    """Add problems where a scenario's content does not suit the system.
+    """Add problems where a scenario's content does not suit its own system.
 
-    Where the options replace FMUs, entries that the new FMUs do not support are left
-    out of the content with a warning instead.
+    Entries that other FMUs do not support are left out of the content with a warning:
+    those that options put in the place of the scenario's, and those of a packed system,
+    to which its content was fit when it was packed.
     """
-    system = checked.system
-    wrong = validation.content_problems(
-        scenario_held.content, builder.components, system if checked.schedule else None
-    )
-    if not options.sources or system is None:
-        checked.problems += [
-            f"{scenario_held.place(path)}: {text}" for path, text in wrong
-        ]
+    system, content = checked.system, scenario_held.content
+    is_packed = target.scenario is None
+    if is_packed:
+        wrong = validation.content_problems(content, None)
+    elif options.sources:
+        own_components = target.builder(options).components
+        wrong = validation.content_problems(content, own_components)
+    else:
+        built = system if checked.schedule else None
+        wrong = validation.content_problems(content, builder.components, built)
+    problems = [f"{scenario_held.place(path)}: {text}" for path, text in wrong]
+    checked.problems += problems
+    if problems or system is None or not (is_packed or options.sources):
         return
-    own_builder = target.builder(options)
-    known = [
-        *validation.content_problems(scenario_held.content, own_builder.components)
-    ]
-    checked.problems += [f"{scenario_held.place(path)}: {text}" for path, text in known]
     content, left_out = validation.fit_to(scenario_held.content, system)
     checked.system = replace(system, about=content)
     checked.warnings += [
@@ -506,4 +508,5 @@ WARNINGS: tuple[Callable[[System], Iterable[str]], ...] = (
     plausibility.warnings,
     residual.warnings,
     sampling.warnings,
+    late_state_warnings,
 )

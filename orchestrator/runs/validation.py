@@ -20,12 +20,12 @@ from ..analyses import analyses
 from ..files.builder import Part as BuiltPart
 from ..language.content import Content, Entry
 from ..language.paper import OfNumber
-from ..language.scenario import Dispersion, Number, Plot, Requirement
+from ..language.scenario import Dispersion, LimitLine, Number, Plot, Requirement
 from ..numbers import derived
 from ..numbers.limits import limits_of
 from ..numbers.numbers import SeriesUnit, bind, check_words, scale
 from ..system.errors import DesatError, MisfitError, nearest
-from ..system.expression import Table, product
+from ..system.expression import Table
 from ..system.interface import KINDS, Signal, find_elements, selects
 from ..system.model import Component, System
 from ..system.options import Options
@@ -289,17 +289,19 @@ def fit_to(content: Content, system: System) -> tuple[Content, list[tuple[Keys, 
         content_problems(content, system.components, replace(system, about=content))
     ):
         for path, text in problems:
-            _leave_out(data, path, system)
+            _leave_out(data, path, content, system)
             left_out.append((path, f"{text}: {_LEFT_OUT.get(path[0], 'left out')}"))
         content = Content.model_validate(data)
     return content, left_out
 
 
-def _leave_out(data: dict[str, Any], path: Keys, system: System) -> None:
+def _leave_out(
+    data: dict[str, Any], path: Keys, content: Content, system: System
+) -> None:
     """Remove an entry from a scenario's data.
 
-    Of a plot with several signals or limits, only the first one that the system lacks
-    is removed.
+    Of a plot with several signals, only the first one that the system lacks is removed,
+    and of its limits the first one that does not bind.
     """
     kind, *names = path
     if not names:
@@ -309,15 +311,16 @@ def _leave_out(data: dict[str, Any], path: Keys, system: System) -> None:
     entry = entries.get(names[0], {})
     part = names[1] if len(names) > 1 else ""
     items = list(entry.get(part, ())) if part in ("limits", "signals") else []
-    lacks = partial(_lacks_parameter, table(system.components.values()))
-    if part == "signals":
-        lacks = partial(_lacks_series, system)
-        items = [] if "derive" in entry or len(items) == 1 else items
-    lacking = next((x for x in items if lacks(x)), None)
-    if lacking is None:
+    lacking: list[bool] = []
+    if part == "limits":
+        plot = content.plots[names[0]]
+        lacking = [_is_unbound(plot, line, system) for line in plot.limits]
+    elif part == "signals" and "derive" not in entry and len(items) > 1:
+        lacking = [_lacks_series(system, name) for name in items]
+    if True not in lacking:
         entries.pop(names[0], None)
         return
-    items.remove(lacking)
+    del items[lacking.index(True)]
     entry[part] = items
 
 
@@ -329,13 +332,12 @@ def _lacks_series(system: System, name: str) -> bool:
         return True
 
 
-def _lacks_parameter(parameters: Table, written: Any) -> bool:
-    """Return whether a limit, as it is written, names a parameter that is not there."""
-    value = written.get("value") if isinstance(written, dict) else written
-    if not isinstance(value, str):
-        return False
+def _is_unbound(plot: Plot, limit: LimitLine, system: System) -> bool:
+    """Return whether a plot with this limit alone does not bind."""
+    parameters = table(system.components.values())
+    alone = plot.model_copy(update={"limits": (limit,)})
     try:
-        product(value, parameters)
+        bind_plot(alone, system.components, parameters)
     except DesatError:
         return True
     return False

@@ -78,6 +78,8 @@ def plain(text: str) -> str:
 
     No control characters reach a terminal.
     """
+    if text.isprintable():
+        return text
     return "".join(
         x if x.isprintable() else " " if x.isspace() else "\ufffd" for x in text
     )

@@ -172,38 +172,43 @@ References = Mapping[tuple[str, str], str]
 
 def evaluate(
     components: Mapping[str, Component], references: References, place: str
-) -> tuple[dict[str, Component], list[str]]:
-    """Set the parameters that are references, and list what is wrong with these.
+) -> tuple[dict[str, Component], list[str], list[str]]:
+    """Set the parameters that are references; list problems and warnings about these.
 
     A name alone stands for the whole array. Units are converted. A parameter in "1"
     takes the number in SI units whatever its unit is (a gain matrix that is the
-    inertia).
+    inertia). A number without a unit, which only a foreign FMU has, is taken as it is,
+    with a warning.
     """
     result, waiting = dict(components), dict(references)
     problems: list[str] = []
+    warnings: list[str] = []
     while waiting:
         # the names by which a text would refer to those that wait
         called = {f"{owner}.{name}" for c, name in waiting for owner in (c, "shared")}
         ready = [key for key, text in waiting.items() if not names_in(text) & called]
         if not ready:
             chain = ", ".join(f'{c}.{n} = "{text}"' for (c, n), text in waiting.items())
-            return result, [
-                *problems,
-                f"{place}: parameters name each other in a circle: {chain}",
-            ]
+            circle = f"{place}: parameters name each other in a circle: {chain}"
+            return result, [*problems, circle], warnings
         known = table(result.values())
         for owner, name in ready:
             text, component = waiting.pop((owner, name)), result[owner]
+            by = component.origins.get(base_name(name), place)
             try:
+                if bare := unitless_in(text, known):
+                    warnings.append(
+                        f'{by}: {owner}.{name}: "{text}": {bare} has no unit: its value '
+                        "is taken as it is"
+                    )
                 values = {
                     **component.parameters,
                     **values_of(component, name, text, known),
                 }
                 result[owner] = replace(component, parameters=values)
             except DesatError as error:
-                by = component.origins.get(base_name(name), place)
                 problems.append(f"{by}: {owner}.{name}: {error}")
-    return result, problems
+    return result, problems, warnings
 
 
 def names_in(text: str) -> set[str]:
@@ -211,6 +216,17 @@ def names_in(text: str) -> set[str]:
     return {
         base_name(word) for word in text.replace("*", " ").replace("/", " ").split()
     }
+
+
+def unitless_in(text: str, known: Table) -> str:
+    """Return the first parameter of a product that is a Real without a unit, or ""."""
+    for name in sorted(names_in(text)):
+        if is_name(name):
+            value, unit, *_ = entry(name, known)
+            first = value[0] if isinstance(value, list) and value else value
+            if isinstance(first, float) and not unit:
+                return name
+    return ""
 
 
 def values_of(
@@ -231,7 +247,7 @@ def values_of(
         value, unit = product(text, known)
     if isinstance(value, (str, bool)):
         raise DesatError(f'"{text}" = {value} is no number')
-    scale = scale_of(signals[0], unit, text)
+    scale = 1.0 if unitless_in(text, known) else scale_of(signals[0], unit, text)
     values = value if isinstance(value, list) else [value] * len(signals)
     return expand(
         component.interface, name, [scale * x for x in values], component.name

@@ -33,6 +33,7 @@ class Value:
     raises: bool = (
         False  # a value that does not fit raises an error; otherwise it is a problem
     )
+    text: str = ""  # the value as it was typed, which a String takes
     unit: Unit | str | None = None  # unit of the value, if a file names one
     unit_name: str = ""  # the same, as it is written
     conflict: str = ""  # message if one parameter set gives two values

@@ -405,6 +405,24 @@ def parse_assignment(text: str) -> tuple[str, str, Any]:
     return component, name, parse_value(right.strip())
 
 
+def as_text(value: Any, typed: str, count: int) -> Any:
+    """Return the value of `count` texts as it was typed, such as "043" for 43.
+
+    A text in quotes is that within them.
+    """
+    if count > 1:
+        parts = [part.strip() for part in typed.strip("[]").split(",")]
+        values = value if isinstance(value, list) else [value]
+        is_alike = len(values) == len(parts)
+        return list(map(_unquoted, values, parts)) if is_alike else value
+    return _unquoted(value, typed)
+
+
+def _unquoted(value: Any, typed: str) -> str:
+    """Return a text, or what was typed where that was read as something else."""
+    return value if isinstance(value, str) else typed
+
+
 def parse_value(text: str) -> Any:
     """Parse a value of the command line: a TOML value, a comma list, or a bare word."""
     for candidate in (text, f"[{text}]") if "," in text else (text,):

@@ -3,17 +3,18 @@
 The process is forked before any FMU is loaded. Both processes share memory that holds
 inputs, outputs, the time of the step and statuses. One byte each way over a socket says
 that a step is due and that it is done: such a turn sets the inputs, makes the step and
-reads the outputs. Rare calls are sent over the socket. The end of the process closes
-the socket, and a process that does not answer in time is killed. The functions at the
-end of this file run on the other side.
+reads the outputs. Rare calls are sent over the socket; their answers are JSON, because
+what comes from that process must not be run here. The end of the process closes the
+socket, and a process that does not answer in time is killed. The functions at the end of
+this file run on the other side.
 """
 
 from __future__ import annotations
 
+import json
 import math
 import mmap
 import os
-import pickle
 import signal
 import socket
 import struct
@@ -225,14 +226,14 @@ class IsolatedInstance:
         except (EOFError, OSError):
             self._raise_ended()
         try:
-            messages, error, answer = pickle.loads(octets)
+            messages, error, answer = decode_answer(octets)
         except Exception:  # the component wrote to the socket itself
             self._raise_ended(
                 garbled=f"{current_call.describe(self._words[DOING])} wrote"
             )
         self._take(messages)
-        if error is not None:
-            raise error(*answer)
+        if error:
+            raise _ERRORS[error](*answer)
         return answer
 
     def _hear(self, name: str) -> None:
@@ -382,6 +383,36 @@ class Shared:
                 )
             place += size
         return values
+
+
+# Errors that an answer may name.
+_ERRORS: dict[str, type[Exception]] = {
+    e.__name__: e for e in (DesatError, ComponentError, RuntimeError)
+}
+
+
+def encode_answer(messages: list[str], error: str, answer: Any) -> bytes:
+    """Encode messages, the name of an error and an answer: JSON, then its bytes."""
+    is_state = isinstance(answer, bytes)
+    head = [messages, error, None if is_state else answer, is_state]
+    return json.dumps(head).encode() + b"\n" + (answer if is_state else b"")
+
+
+def decode_answer(octets: bytes) -> tuple[list[str], str, Any]:
+    """Decode what `encode_answer` returns.
+
+    Raises
+    ------
+    Exception
+        If the bytes are anything else.
+    """
+    head, _, state = octets.partition(b"\n")
+    messages, error, answer, is_state = json.loads(head.decode())
+    if not all(isinstance(text, str) for text in [*messages, error]):
+        raise TypeError("messages and an error's name are texts")
+    if error and not (error in _ERRORS and isinstance(answer, list)):
+        raise ValueError(f"no error {error!r} with its arguments")
+    return messages, error, state if is_state else answer
 
 
 class _There:
@@ -539,13 +570,14 @@ def _answered(
     pipe: Connection, there: _There, name: str, arguments: tuple[Any, ...]
 ) -> bool:
     """Make a rare call and send its result; return whether more requests may follow."""
-    error: type[Exception] | None = None
-    answer: Any = None
+    error, answer = "", None
     try:
         answer = there.call(name, *arguments)
     except DesatError as raised:
-        error, answer = type(raised), raised.args
+        is_known = type(raised).__name__ in _ERRORS
+        error = type(raised).__name__ if is_known else DesatError.__name__
+        answer = [str(raised)]
     except Exception as raised:
-        error, answer = RuntimeError, (f"{type(raised).__name__}: {raised}",)
-    pipe.send((list(there.messages), error, answer))
-    return name != "close" and (name != "make" or error is None)
+        error, answer = RuntimeError.__name__, [f"{type(raised).__name__}: {raised}"]
+    pipe.send_bytes(encode_answer(there.messages, error, answer))
+    return name != "close" and (name != "make" or not error)
