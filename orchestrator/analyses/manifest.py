@@ -124,7 +124,7 @@ class Manifest(Mapping[str, Any]):
     substeps: int = 1
     step_ratio: Mapping[str, int] = field(default_factory=dict)
     output_classes: Mapping[str, Any] = field(default_factory=dict)
-    connections: Mapping[str, Mapping[str, str | float]] = field(default_factory=dict)
+    connections: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
     platform: str = ""
     ssp: Mapping[str, str] | None = None
@@ -266,7 +266,7 @@ class Manifest(Mapping[str, Any]):
         for key, of in _TYPED.items():
             if fields_found.get(key) is not None:
                 fields_found[key] = _read(key, of, fields_found[key])
-        parts = {}
+        parts: dict[str, Any] = {}
         for analysis in analyses():
             key = analysis.KEY
             if key in document:

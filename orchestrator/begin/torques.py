@@ -125,10 +125,10 @@ def _sum_of(
         raise DesatError(
             f"{place}: with {first} {len(times)} rows; {ROWS} are taken at most: thin it"
         )
-    total = sum(
-        np.stack([np.interp(times, t[:, 0], t[:, k]) for k in (1, 2, 3)], axis=1)
-        for t in (one, two)
-    )
+    total = np.zeros((len(times), 3))
+    for t in (one, two):
+        for k in range(3):
+            total[:, k] += np.interp(times, t[:, 0], t[:, k + 1])
     return tuple(
         (t, *torque) for t, torque in zip(times.tolist(), total.tolist(), strict=True)
     )

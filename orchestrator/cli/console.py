@@ -6,9 +6,9 @@ import io
 import json
 import os
 import sys
-from collections.abc import Container, Iterable
+from collections.abc import Callable, Container, Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import typer
 from rich.console import Console, JustifyMethod
@@ -103,6 +103,9 @@ def section_of(option: str) -> str:
     return next((s for s, names in SECTIONS.items() if option in names), "Options")
 
 
+F = TypeVar("F", bound=Callable[..., Any])
+
+
 class OnceOnly(TyperCommand):
     """A command that refuses an option given twice, unless it may be repeated."""
 
@@ -180,8 +183,11 @@ class Commands(typer.Typer):
     """An application whose commands take each option once."""
 
     def command(
-        self, *args: Any, cls: type[TyperCommand] | None = None, **options: Any
-    ) -> Any:
+        self,
+        *args: Any,
+        cls: type[TyperCommand] | None = None,
+        **options: Any,
+    ) -> Callable[[F], F]:
         """Register a command, of the class OnceOnly unless another is named."""
         return super().command(*args, cls=cls or OnceOnly, **options)
 

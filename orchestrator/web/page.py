@@ -354,7 +354,7 @@ def _there(system: System) -> set[str]:
 def _series(law: _LawSystem) -> set[str]:
     """Return the series that plots and numbers need."""
     content, there = law.content, _there(law.system)
-    entries = (*content.numbers.values(), *content.plots.values())
+    entries: list[Number | Plot] = [*content.numbers.values(), *content.plots.values()]
     series_needed = {s for e in entries for s in derived.compared_signals(e, there)}
     if parts := management.applies(law.system):
         series_needed |= {*management.signals(parts), *management.balanced(parts)}
