@@ -17,7 +17,7 @@ _WEAK = 2  # flag of a version that may be missing (VER_FLG_WEAK)
 # Machine of the platform -> that of ELF.
 _MACHINES = {"x86_64": "EM_X86_64", "aarch64": "EM_AARCH64"}
 # Program that loads system libraries, and prints the file of each; an empty line for one
-# that is missing. The second value of a `struct link_map` is the file's name.
+# that is missing. The second value of the linker's entry is the file's name.
 _LOADER = """
 import ctypes, sys
 where, of_linker = ctypes.c_void_p(), 2  # RTLD_DI_LINKMAP
