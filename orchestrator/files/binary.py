@@ -117,7 +117,7 @@ def _read_versions(library: str) -> frozenset[str]:
     if not Path(library).is_file():
         return frozenset()
     with open(library, "rb") as stream:
-        section = ELFFile(stream).get_section_by_name(".gnu.version_d")
+        section: Any = ELFFile(stream).get_section_by_name(".gnu.version_d")
         definitions = section.iter_versions() if section is not None else ()
         return frozenset(next(names).name for _, names in definitions)
 
