@@ -853,6 +853,19 @@ def test_a_library_that_needs_a_newer_version_is_found_by_check(
     [line] = checked(write(tmp_path, component("a"))).problems
     assert f"a: a.fmu: {message}" in line
     assert f"warning: a.fmu: {message}" in desat("check", str(path)).stderr
+    from desat.files import binary
+
+    main, helper = (
+        library.with_name("main.so"),
+        library.rename(tmp_path / "new/help.so"),
+    )
+    source = tmp_path / "main.c"
+    source.write_text("extern int call(void); int run(void) { return call(); }")
+    subprocess.run(
+        [*shared, main, source, "-L", helper.parent, "-l:help.so"], check=True
+    )
+    fault = binary.loading_fault(main, ("run",))
+    assert fault.startswith(f"help.so: it needs {version} of {name}; here is {here}")
 
 
 # --- structural parameters ------------------------------------------------------------
