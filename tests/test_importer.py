@@ -602,6 +602,101 @@ def test_solving_where_there_is_no_loop_is_a_warning(typed, tmp_path):
     )
 
 
+ALL, SILENT, NONE = ' dependencies="1"', "", ' dependencies=""'
+"""Of an output's dependencies: its input, not said, no input."""
+# a = 0.5 b + 1, b = 0.5 a + 2, by 2 u + 1 at both ends
+TO_A = '<ssc:LinearTransformation factor="0.25"/>'
+TO_B = '<ssc:LinearTransformation factor="0.25" offset="0.5"/>'
+
+
+def ring(
+    folder: Path, library: Path, said: Iterable[str], outputs: Iterable[int] = (24, 24)
+) -> Path:
+    """a and b in a loop whose gain is 0.25; 24: y follows u at once, 12: in a step."""
+    for name, dependencies, y in zip("ab", said, outputs, strict=True):
+        rows = [variable("u", 0), variable("y", y, causality="output")]
+        fmu(folder / f"resources/{name}.fmu", library, rows, dependencies=dependencies)
+    wires = wire("a.y", "b.u", TO_B) + wire("b.y", "a.u", TO_A)
+    return write(folder, component("a") + component("b"), wires)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"solve_loops": True},
+        {"algorithm": "jacobi"},
+        {"output_classes": {"b.y": "state"}},
+        {"output_classes": {"a.y": "state", "b.y": "state"}},
+    ],
+)
+@pytest.mark.parametrize("said", [(SILENT, SILENT), (ALL, SILENT), (SILENT, ALL)])
+def test_an_undeclared_loop_is_solved_at_the_start(typed, tmp_path, said, options):
+    """It did not settle. Steps keep the solution, as it is a fixed point."""
+    done = run(ring(tmp_path, typed, said), **options)
+    for name, value in (("a", 8.0 / 3.0), ("b", 10.0 / 3.0)):
+        found = done.results.values(f"{name}.y").tolist()
+        assert found == pytest.approx([value] * len(found), rel=1e-9)
+    text = "\n".join(done.manifest.warnings)
+    assert "there is no algebraic loop" not in text
+    if options.get("solve_loops"):
+        assert "algebraic loop of a, b" in text
+        assert "declares no dependencies" not in text
+
+
+def test_a_declared_loop_that_is_taken_late_is_solved_at_the_start(typed, tmp_path):
+    file = ring(tmp_path, typed, (ALL, ALL))
+    done = run(file, output_classes={"b.y": "state"})
+    assert done.results.values("a.y")[0] == pytest.approx(8.0 / 3.0, rel=1e-9)
+
+
+def test_undeclared_loops_of_one_and_of_three_are_solved(typed, tmp_path):
+    """y = 0.5 y + 1; and a, b, c, of which each takes a quarter of the one before."""
+    rows = [variable("u", 0), variable("y", 24, causality="output")]
+    for name in "abc":
+        fmu(tmp_path / f"resources/{name}.fmu", typed, rows, dependencies="")
+    alone = write(tmp_path, component("a"), wire("a.y", "a.u", TO_A))
+    for options in ({}, {"solve_loops": True}):
+        assert run(alone, **options).results.values("a.y")[-1] == pytest.approx(2.0)
+    wires = (
+        wire("a.y", "b.u", TO_A) + wire("b.y", "c.u", TO_A) + wire("c.y", "a.u", TO_A)
+    )
+    three = write(tmp_path, "".join(map(component, "abc")), wires)
+    for options in ({}, {"solve_loops": True}):
+        results = run(three, **options).results
+        for name in "abc":
+            assert results.values(f"{name}.y")[0] == pytest.approx(2.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("isolate", ["none", "foreign"])
+@pytest.mark.parametrize(
+    ("outputs", "named"), [((12, 12), "a.y, b.y"), ((24, 12), "b.y")]
+)
+def test_what_does_not_answer_between_steps_is_named(
+    typed, tmp_path, isolate, outputs, named
+):
+    """Its loop was called solved: 2.66504 in place of 8/3."""
+    file = ring(tmp_path, typed, (ALL, ALL), outputs)
+    with pytest.raises(DesatError) as error:
+        desat.run(
+            str(file), stop=2.0, step=0.5, substeps=1, solve_loops=True, isolate=isolate
+        ).or_raise("it")
+    assert f"does not answer to them between two steps: {named}; " in str(error.value)
+    assert f"--output-class {named[:3]}=state" in str(error.value)
+    late = {f"{name}.y": "state" for name in "ab"}
+    run(file, solve_loops=True, isolate=isolate, output_classes=late)
+
+
+@pytest.mark.parametrize("said", [SILENT, NONE])
+def test_what_declares_nothing_may_be_a_state_and_is_told(typed, tmp_path, said):
+    """It is named once; one that declares that it is a state is not."""
+    done = run(ring(tmp_path, typed, (said, said), (12, 12)), solve_loops=True)
+    text = "\n".join(done.manifest.warnings)
+    lines = [x for x in done.manifest.warnings if "does not answer to u" in x]
+    assert len(lines) == (2 if said == SILENT else 0)
+    assert ("there is no algebraic loop" in text) == (said == NONE)
+
+
 # --- words ----------------------------------------------------------------------------
 
 
@@ -758,6 +853,19 @@ def test_a_library_that_needs_a_newer_version_is_found_by_check(
     [line] = checked(write(tmp_path, component("a"))).problems
     assert f"a: a.fmu: {message}" in line
     assert f"warning: a.fmu: {message}" in desat("check", str(path)).stderr
+    from desat.files import binary
+
+    main, helper = (
+        library.with_name("main.so"),
+        library.rename(tmp_path / "new/help.so"),
+    )
+    source = tmp_path / "main.c"
+    source.write_text("extern int call(void); int run(void) { return call(); }")
+    subprocess.run(
+        [*shared, main, source, "-L", helper.parent, "-l:help.so"], check=True
+    )
+    fault = binary.loading_fault(main, ("run",))
+    assert fault.startswith(f"help.so: it needs {version} of {name}; here is {here}")
 
 
 # --- structural parameters ------------------------------------------------------------

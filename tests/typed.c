@@ -1,5 +1,6 @@
 /* A stranger's FMU of all types, FMI 2.0: variable 16 + n is a copy of variable n < 8; the
-   Real 24 + n is twice the Real n and one more, with feedthrough. */
+   Real 24 + n is twice the Real n and one more, with feedthrough, and the Real 12 is that of
+   the Real 0 as of the last step. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -69,6 +70,7 @@ int fmi2DoStep(component *c, double t, double dt, int no)
     (void)t, (void)dt, (void)no;
     /* the Integer 15 counts the letters of the text 0 */
     c->integer[15] = (int)strlen(c->text[0]);
+    c->real[12] = 2 * c->real[0] + 1;
     /* the Boolean 14 lets it complain at each step */
     if (c->boolean[14]) c->of->log(c->of->environment, "typed", 1, "warning", "not again");
     return 0;

@@ -114,7 +114,6 @@ class Master:
             raise DesatError(f"algorithm {algorithm}: there is {', '.join(ALGORITHMS)}")
         self.system, self.schedule, self.algorithm = system, schedule, algorithm
         self._gauss_seidel = algorithm == "gauss_seidel"
-        self._solves_loops = solve_loops
         # offset of a row's number from that of its step
         self.ahead = int(not self._gauss_seidel)
         self.start, self.step_size, self.k = system.start, system.step, 0
@@ -152,15 +151,17 @@ class Master:
                     member.instance, FmuInstance | IsolatedInstance
                 ):
                     member.instance.halve(halvings)
-            self._loops = [
-                AlgebraicLoop(
+            loops = {
+                loop: AlgebraicLoop(
                     [self.members[name] for name in loop],
                     self._outputs.live,
                     self.shown,
                     self._judged,
                 )
-                for loop in schedule.loops
-            ]
+                for loop in {*schedule.loops, *schedule.start_loops}
+            }
+            self._start_loops = [loops[loop] for loop in schedule.start_loops]
+            self._loops = [loops[loop] for loop in schedule.loops if solve_loops]
         except BaseException:
             self.close()
             raise
@@ -176,9 +177,7 @@ class Master:
             recording.wire(
                 self.members, by_name, self.live["Real"], len(self._rates.parts)
             )
-        self.cycle = self._plan.cycle(
-            recording, self._loops if self._solves_loops else ()
-        )
+        self.cycle = self._plan.cycle(recording, self._loops)
         self.row = self._plan.row.values
 
     @property
@@ -378,11 +377,14 @@ class Master:
                 if gathers[name]:
                     self._judged(member, PUSH, member.instance.push)
                 self._pull(member)
-            for loop in self._loops:
-                loop()
-            same = _close_to if self._loops else _same
-            if all(same(before[kind], values) for kind, values in self.live.items()):
+            for loop in self._start_loops:
+                loop.solve()
+            if all(_same(before[kind], values) for kind, values in self.live.items()):
                 return
+        if self._start_loops and all(
+            _close_to(before[kind], values) for kind, values in self.live.items()
+        ):
+            return
         changed = [
             slot
             for slot in self.slots

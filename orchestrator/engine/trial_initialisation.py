@@ -67,7 +67,13 @@ def _part(system: System, names: set[str]) -> System:
 def _part_of(schedule: Schedule, names: set[str]) -> Schedule:
     """Return the schedule of the components of these names."""
     return replace(
-        schedule, order=tuple(n for n in schedule.order if n in names), timing=()
+        schedule,
+        order=tuple(n for n in schedule.order if n in names),
+        timing=(),
+        loops=tuple(loop for loop in schedule.loops if names.issuperset(loop)),
+        start_loops=tuple(
+            loop for loop in schedule.start_loops if names.issuperset(loop)
+        ),
     )
 
 

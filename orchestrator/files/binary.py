@@ -13,11 +13,12 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+_NONE: frozenset[str] = frozenset()
 _WEAK = 2  # flag of a version that may be missing (VER_FLG_WEAK)
 # Machine of the platform -> that of ELF.
 _MACHINES = {"x86_64": "EM_X86_64", "aarch64": "EM_AARCH64"}
 # Program that loads system libraries, and prints the file of each; an empty line for one
-# that is missing. The second value of a `struct link_map` is the file's name.
+# that is missing. The second value of the linker's entry is the file's name.
 _LOADER = """
 import ctypes, sys
 where, of_linker = ctypes.c_void_p(), 2  # RTLD_DI_LINKMAP
@@ -75,8 +76,13 @@ def _fault_of(elf: Any, folder: Path, functions: Iterable[str]) -> str:
     return _dependency_fault(elf, folder)
 
 
-def _dependency_fault(elf: Any, folder: Path) -> str:
-    """Return which library, or version of one, a shared library lacks."""
+def _dependency_fault(elf: Any, folder: Path, seen: frozenset[str] = _NONE) -> str:
+    """Return which library, or version of one, a shared library lacks.
+
+    Those beside it are looked at as well, except for those already `seen`.
+    """
+    from elftools.elf.elffile import ELFFile
+
     dynamic = elf.get_section_by_name(".dynamic")
     needed = [t.needed for t in dynamic.iter_tags("DT_NEEDED")] if dynamic else []
     files = {name: str(folder / name) for name in needed if (folder / name).exists()}
@@ -94,6 +100,11 @@ def _dependency_fault(elf: Any, folder: Path) -> str:
                 of_kind = [v for v in versions if v.rpartition("_")[0] == kind]
                 newest = max(of_kind, key=_numbers, default="none")
                 return f"it needs {entry.name} of {library.name}; here is {newest}"
+    beside = frozenset(needed).difference(others)
+    for name in sorted(beside - seen):
+        with open(files[name], "rb") as stream:
+            if fault := _dependency_fault(ELFFile(stream), folder, seen | beside):
+                return f"{name}: {fault}"
     return ""
 
 

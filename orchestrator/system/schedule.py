@@ -168,6 +168,8 @@ class Schedule:
     """Loss of accuracy by different rates, and undeclared dependencies."""
     loops: tuple[tuple[str, ...], ...] = ()
     """Components whose outputs depend on each other at once: algebraic loops."""
+    start_loops: tuple[tuple[str, ...], ...] = ()
+    """The same at the start, where what is not declared depends on every input."""
 
 
 def output_class(system: System, component: str, signal: Signal) -> OutputClass:
@@ -190,7 +192,7 @@ def schedule(system: System, breaks_loops: bool = False) -> Schedule:
         The system.
     breaks_loops
         Whether interval connections may form a cycle: their values are then those of
-        the step's beginning.
+        the step's beginning, also of outputs that declare no dependencies.
 
     Raises
     ------
@@ -206,7 +208,7 @@ def schedule(system: System, breaks_loops: bool = False) -> Schedule:
     classes |= dict.fromkeys(silent, "interval")
     before = _before(system, classes)
     order = _order(before)
-    if silent and len(order) < len(before):
+    if silent and not breaks_loops and len(order) < len(before):
         late = {
             (c.source, c.output)
             for c in system.connections
@@ -229,6 +231,11 @@ def schedule(system: System, breaks_loops: bool = False) -> Schedule:
                 classes[c.source, c.output] = "undeclared"
         before = _before(system, classes)
         order = _order(before)
+        in_loops = {name for loop in loops for name in loop}
+        silent = {key for key in silent if key[0] not in in_loops}
+    start_loops = loops
+    if silent or loops or system.output_classes:
+        start_loops = _loops_at_start(system, classes)
     means = {
         c: None
         for c in system.connections
@@ -255,7 +262,26 @@ def schedule(system: System, breaks_loops: bool = False) -> Schedule:
             for loop in loops
         ),
     )
-    return Schedule(tuple(order), classes, paces, timing, warnings, loops)
+    return Schedule(tuple(order), classes, paces, timing, warnings, loops, start_loops)
+
+
+def _loops_at_start(
+    system: System, classes: Mapping[tuple[str, str], OutputClass]
+) -> tuple[tuple[str, ...], ...]:
+    """Return the algebraic loops at the start.
+
+    There an output depends on inputs as its FMU declares, and on all of them where it
+    declares nothing, whatever the class for which steps take it.
+    """
+    dependent: dict[tuple[str, str], OutputClass] = {
+        (name, s.name): "interval"
+        for name, component in system.components.items()
+        for s in component.interface.outputs
+        if s.output_class != "state" or classes[name, s.name] == "interval"
+    }
+    before = _before(system, {**dict.fromkeys(classes, "state"), **dependent})
+    ordered = set(_order(before))
+    return _loops({n: needs for n, needs in before.items() if n not in ordered})
 
 
 def _loops(waiting: Mapping[str, set[str]]) -> tuple[tuple[str, ...], ...]:
