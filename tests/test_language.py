@@ -615,11 +615,14 @@ def test_numbers_of_derived_quantities():
         "measure": "largest",
         "unit": "rad",
     }
-    found = evaluate(language.Number(**number), run.results, run.manifest.parameters)
+    found = evaluate(
+        language.Number(**number), run.results, run.manifest.parameters
+    ).value
     assert found == pytest.approx(np.radians(roll), rel=1e-12)
     number |= {"measure": "until_below", "options": {"limit": 1e9}, "unit": "min"}
     assert (
-        evaluate(language.Number(**number), run.results, run.manifest.parameters) == 0.0
+        evaluate(language.Number(**number), run.results, run.manifest.parameters).value
+        == 0.0
     )
 
 

@@ -28,7 +28,8 @@ from .parameters import Parameter, expand, table, unit_of
 Table = Mapping[str, Mapping[str, Parameter]]
 
 _TOKEN = re.compile(r"\s*(?:([*/])|([^\s*/]+))")
-_NAME = re.compile(r"(\w+)\.(\w+)(?:\[(\d+)\])?\Z")
+# a name begins with no digit: 0.3 is a number
+_NAME = re.compile(r"([^\W\d]\w*)\.(\w+)(?:\[(\d+)\])?\Z")
 FORM = "a Real is needed, or a product of numbers and component.parameter"
 
 
