@@ -50,12 +50,12 @@ def places(document: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 
 def changed(document: Any, path: tuple[Any, ...], value: Any) -> str:
     """The text of a document with another value at a place."""
-    whole = json.loads(json.dumps(document))
-    owner = whole
+    document_copy = json.loads(json.dumps(document))
+    owner = document_copy
     for key in path[:-1]:
         owner = owner[key]
     owner[path[-1]] = value
-    return json.dumps(whole)
+    return json.dumps(document_copy)
 
 
 @pytest.mark.parametrize(

@@ -94,7 +94,7 @@ def test_what_is_written_is_sound_and_what_is_refused_leaves_nothing(
     for k, row in enumerate(pairwise_rows(seed)):
         facts, folder = facts_of(row), tmp_path / f"c{k}"
         try:
-            _, told = write_craft(folder, facts, "desat new craft")
+            _, warnings = write_craft(folder, facts, "desat new craft")
         except DesatError:
             assert not folder.exists()
             continue
@@ -105,8 +105,8 @@ def test_what_is_written_is_sound_and_what_is_refused_leaves_nothing(
             checked = check(str(file), Options())
             assert not checked.problems, facts
             if file.name == "nominal.toml":
-                assert {*checked.warnings} == {*told}, facts
-            insufficient = [x for x in told if "the Sun and the Moon" not in x]
+                assert {*checked.warnings} == {*warnings}, facts
+            insufficient = [x for x in warnings if "the Sun and the Moon" not in x]
             assert not insufficient, facts
     assert written >= 20
 

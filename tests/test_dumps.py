@@ -186,13 +186,13 @@ def test_the_numbers_of_a_sentence_are_of_one_condition(tmp_path):
     )
     write(tmp_path / "c", facts, "")
     found = size_dumps(str(tmp_path / "c"), Options(), SizingRequirements(flown=False))
-    said = re.search(
+    sentence = re.search(
         r"dumps (\S+) times a week, (\S+) g each, (\S+) kg a year at this rate; over "
         r"the dates of a year (\S+) kg \((\S+) to (\S+) by date\)",
         found.answer,
     )
-    assert said is not None
-    rate, grams, a_year, mean, least, most = map(float, said.groups())
+    assert sentence is not None
+    rate, grams, a_year, mean, least, most = map(float, sentence.groups())
     assert rate * 365.25 / 7.0 * grams * 1e-3 == pytest.approx(a_year, rel=0.02)
     assert least <= mean <= most
 

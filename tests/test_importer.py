@@ -610,10 +610,13 @@ TO_B = '<ssc:LinearTransformation factor="0.25" offset="0.5"/>'
 
 
 def ring(
-    folder: Path, library: Path, said: Iterable[str], outputs: Iterable[int] = (24, 24)
+    folder: Path,
+    library: Path,
+    lines_found: Iterable[str],
+    outputs: Iterable[int] = (24, 24),
 ) -> Path:
     """a and b in a loop whose gain is 0.25; 24: y follows u at once, 12: in a step."""
-    for name, dependencies, y in zip("ab", said, outputs, strict=True):
+    for name, dependencies, y in zip("ab", lines_found, outputs, strict=True):
         rows = [variable("u", 0), variable("y", y, causality="output")]
         fmu(folder / f"resources/{name}.fmu", library, rows, dependencies=dependencies)
     wires = wire("a.y", "b.u", TO_B) + wire("b.y", "a.u", TO_A)
@@ -631,9 +634,11 @@ def ring(
     ],
 )
 @pytest.mark.parametrize("said", [(SILENT, SILENT), (ALL, SILENT), (SILENT, ALL)])
-def test_an_undeclared_loop_is_solved_at_the_start(typed, tmp_path, said, options):
+def test_an_undeclared_loop_is_solved_at_the_start(
+    typed, tmp_path, lines_found, options
+):
     """It did not settle. Steps keep the solution, as it is a fixed point."""
-    done = run(ring(tmp_path, typed, said), **options)
+    done = run(ring(tmp_path, typed, lines_found), **options)
     for name, value in (("a", 8.0 / 3.0), ("b", 10.0 / 3.0)):
         found = done.results.values(f"{name}.y").tolist()
         assert found == pytest.approx([value] * len(found), rel=1e-9)
@@ -688,13 +693,15 @@ def test_what_does_not_answer_between_steps_is_named(
 
 
 @pytest.mark.parametrize("said", [SILENT, NONE])
-def test_what_declares_nothing_may_be_a_state_and_is_told(typed, tmp_path, said):
+def test_what_declares_nothing_may_be_a_state_and_is_told(typed, tmp_path, lines_found):
     """It is named once; one that declares that it is a state is not."""
-    done = run(ring(tmp_path, typed, (said, said), (12, 12)), solve_loops=True)
+    done = run(
+        ring(tmp_path, typed, (lines_found, lines_found), (12, 12)), solve_loops=True
+    )
     text = "\n".join(done.manifest.warnings)
     lines = [x for x in done.manifest.warnings if "does not answer to u" in x]
-    assert len(lines) == (2 if said == SILENT else 0)
-    assert ("there is no algebraic loop" in text) == (said == NONE)
+    assert len(lines) == (2 if lines_found == SILENT else 0)
+    assert ("there is no algebraic loop" in text) == (lines_found == NONE)
 
 
 # --- words ----------------------------------------------------------------------------

@@ -322,6 +322,7 @@ DUMPS = dumps.DumpSizing(
         most_a_week=0.97,
     ),
     a_year=1.079,
+    range_a_year=(0.9, 1.2),
     by_activity={"low": 0.9},
     each_year=(1.079,),
     least_a_year=0.77,

@@ -268,13 +268,16 @@ def _controller(system: System) -> Iterator[str]:
         return
     if not {"kp", "kd"} <= controller.values.keys():
         return
-    for gain, what in (("kp", "no attitude is held"), ("kd", "no rate is damped")):
+    for gain, consequence in (
+        ("kp", "no attitude is held"),
+        ("kd", "no rate is damped"),
+    ):
         if controller.values[gain] == 0.0:
             place = _place_of(system, controller, gain)
-            yield f"{place}: {controller.name}.{gain} = 0: {what}"
-    given = "torque_limit" in controller.origins
+            yield f"{place}: {controller.name}.{gain} = 0: {consequence}"
+    is_set = "torque_limit" in controller.origins
     limit = wheels.component.values.get("torque_limit", inf) if wheels else inf
-    if given and controller.values.get("torque_limit") == 0.0 and limit < inf:
+    if is_set and controller.values.get("torque_limit") == 0.0 and limit < inf:
         yield (
             f"{_place_of(system, controller, 'torque_limit')}: {controller.name}.torque_limit = 0 "
             f"sets no limit; a wheel gives {limit:g} N m"

@@ -259,6 +259,16 @@ def _assumptions_of_thrusters(
         yield Assumption("propellant", number, unit, "given")
 
 
+def _removing_actuator(dump: NewDumps | None) -> Assumption:
+    """Say which actuator of a craft with rods and thrusters removes momentum."""
+    title = "momentum is removed by"
+    if dump is not None and dump.by == "thrusters":
+        origin = "given: --dump; without it the rods would, at no propellant"
+        return Assumption(title, "thrusters alone", "", origin)
+    origin = "the thrusters do not fire: --dump 'thrusters 70:10' would"
+    return Assumption(title, "rods alone", "", origin)
+
+
 def _assumptions(facts: CraftFacts, values: Mapping[str, Any]) -> Iterator[Assumption]:
     """Yield the figures of a new craft, given or assumed."""
     body, orbit, wheels = values["body"], values["orbit"], values["wheels"]
@@ -316,17 +326,7 @@ def _assumptions(facts: CraftFacts, values: Mapping[str, Any]) -> Iterator[Assum
         )
     yield from _assumptions_of_thrusters(values["thrusters"])
     if values["rods"] and values["thrusters"]:
-        by, idle = ("rods", "thrusters")
-        if values["dump"] is not None and values["dump"].by == "thrusters":
-            by, idle = idle, by
-        yield Assumption(
-            "momentum is removed by",
-            f"{by} alone",
-            "",
-            f"given: --dump; without it the {idle} would, at no propellant"
-            if by == "thrusters"
-            else f"the {idle} do not fire: --dump 'thrusters 70:10' would",
-        )
+        yield _removing_actuator(values["dump"])
     if dump := values["dump"]:
         yield Assumption(
             "a dump begins, ends", f"{dump.begin}, {dump.end}", "N m s", "given: --dump"

@@ -100,10 +100,10 @@ def _dependency_fault(elf: Any, folder: Path, seen: frozenset[str] = _NONE) -> s
                 of_kind = [v for v in versions if v.rpartition("_")[0] == kind]
                 newest = max(of_kind, key=_numbers, default="none")
                 return f"it needs {entry.name} of {library.name}; here is {newest}"
-    beside = frozenset(needed).difference(others)
-    for name in sorted(beside - seen):
+    neighbours = frozenset(needed).difference(others)
+    for name in sorted(neighbours - seen):
         with open(files[name], "rb") as stream:
-            if fault := _dependency_fault(ELFFile(stream), folder, seen | beside):
+            if fault := _dependency_fault(ELFFile(stream), folder, seen | neighbours):
                 return f"{name}: {fault}"
     return ""
 

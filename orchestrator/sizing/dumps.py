@@ -348,28 +348,14 @@ def size(
     progress("the days of the scenario")
     flight = _flight(system, attitude)
     torque, _ = secular(flight)
-    span = system.stop - system.start
     rates_in = partial(rates_of, hardware=hardware, law=law, cost=cost, isp=isp)
-    steady = mean_of(_rates_over(system, attitude, flight, span, rates_in))
-    if steady.interval < inf and options.stop is None:
-        # node and Sun move between dumps that are far apart
-        span = max(span, steady.first + steady.interval)
-        steady = mean_of(_rates_over(system, attitude, flight, span, rates_in))
+    steady = _mean_rates(system, options, attitude, flight, rates_in)
     window = _window(system, options, steady)
-    course = None
     progress("its dumps, one after the other")
-    for count in ROUNDS if options.stop is None else (0,):
-        span = max(window, steady.first + count * steady.interval)
-        if not span < LONGEST:
-            break
-        whole_run = _through(system, attitude, flight, span, steady.interval)
-        if whole_run is None:
-            break
-        along = rates_in(whole_run, interval=steady.interval)
-        if along.interval < inf or options.stop is not None:
-            steady = _steady_along(along, steady)
-            course = _course_of_fill(whole_run, hardware, law)
-            break
+    steady, whole_run = _follow_dumps(
+        system, options, attitude, flight, steady, window, rates_in
+    )
+    course = None if whole_run is None else _course_of_fill(whole_run, hardware, law)
     progress("other thresholds")
     thresholds = tuple(_rates_by_threshold(flight, hardware, law, cost, isp))
     is_wanted = requirements.year and float(np.linalg.norm(flight.r[0])) < BEYOND
@@ -452,6 +438,53 @@ def _cost_of_thrusters(
             "impulse: give them with --arm and --isp"
         )
     return cost, isp
+
+
+def _mean_rates(
+    system: System,
+    options: Options,
+    attitude: Attitude,
+    flight: Flight,
+    rates_in: Callable[[Flight], Rates],
+) -> Rates:
+    """Compute the mean of the rates over the days of a scenario, as if each lasted.
+
+    Between dumps that are far apart node and Sun move: unless the user sets a stop time,
+    the days are spread until the second dump.
+    """
+    span = system.stop - system.start
+    rates = mean_of(_rates_over(system, attitude, flight, span, rates_in))
+    later = rates.first + rates.interval
+    if options.stop is not None or not span < later < LONGEST:
+        return rates
+    return mean_of(_rates_over(system, attitude, flight, later, rates_in))
+
+
+def _follow_dumps(
+    system: System,
+    options: Options,
+    attitude: Attitude,
+    flight: Flight,
+    steady: Rates,
+    window: float,
+    rates_in: Callable[..., Rates],
+) -> tuple[Rates, Flight | None]:
+    """Follow the dumps one after the other, until there are two.
+
+    Returns their rates and the flight through them; `steady` and None where that takes
+    too many rows, or there is no dump.
+    """
+    for count in ROUNDS if options.stop is None else (0,):
+        span = max(window, steady.first + count * steady.interval)
+        if not span < LONGEST:
+            break
+        whole_run = _through(system, attitude, flight, span, steady.interval)
+        if whole_run is None:
+            break
+        along = rates_in(whole_run, interval=steady.interval)
+        if along.interval < inf or options.stop is not None:
+            return _steady_along(along, steady), whole_run
+    return steady, None
 
 
 def _rates_over(
