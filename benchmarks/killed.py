@@ -27,7 +27,7 @@ from desat.engine import checkpoint
 from . import seen
 
 TARGET, STOP, EVERY = "nadir_day/day-igrf", 2000, 40
-OF_WALL_TIME = {"started", "wall_seconds", "us_per_step"}
+OF_WALL_TIME = {"started", "wall_seconds", "us_per_step", "seal"}
 
 
 def series(folder: Path) -> dict[str, tuple[Any, ...]]:

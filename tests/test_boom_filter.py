@@ -45,6 +45,7 @@ DISTURBED = (
     f"spacecraft.residual_dipole_body={listed(DIPOLE)}",
 )
 OFF = f"determination.misalignment_body={listed(OFFSET)}"
+DIPOLE_FIELD = "environment.field=dipole"
 IGRF = ("environment.field=igrf", "manager.field_model=igrf", "manager.igrf_degree=6")
 SETTING = boom_filter.Setting(
     1.7e-3,
@@ -491,7 +492,7 @@ def test_a_field_model_without_the_joint_estimator_is_foreseen():
 @pytest.mark.parametrize(
     "more",
     [
-        (NO_MODEL,),
+        (NO_MODEL, DIPOLE_FIELD),
         (OFF,),
         (OFF, *IGRF, "magnetometer.bias_body=1e-6,1e-6,-1e-6"),
     ],
@@ -521,7 +522,7 @@ def test_a_coarse_field_model_does_little_harm():
 
 def test_separate_axes_give_the_bits_of_before():
     """Attitude, momentum and coils of a firing, as they were without the filter."""
-    options = Options(blocks=True, stop=400.0, sets=[*NEAR, *SEPARATE])
+    options = Options(blocks=True, stop=400.0, sets=[*NEAR, *SEPARATE, DIPOLE_FIELD])
     results = execute("alsat1/firing-ours", options).results
     digest = hashlib.sha256()
     for name in ("spacecraft.q_bi", "wheels.h_wheel", "torquers.on_time"):

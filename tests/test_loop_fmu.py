@@ -364,6 +364,7 @@ def test_names_that_are_not_of_the_loop_are_refused(
 
 
 def test_a_block_that_has_no_c_is_named(desat, tmp_path):
+    of_the_epoch = ("--set", "environment.epoch_tle_j2000=727444800")
     done = desat(
         "export",
         "fmu",
@@ -372,6 +373,7 @@ def test_a_block_that_has_no_c_is_named(desat, tmp_path):
         "1",
         "--source",
         "environment=environment_tle",
+        *of_the_epoch,
         "--out",
         str(tmp_path / "x.fmu"),
     )

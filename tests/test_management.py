@@ -86,6 +86,14 @@ def flight_of(first: float, left_rate: float, coils: float) -> Results:
     )
 
 
+def removed_share_of(flight: Results) -> float | None:
+    """Return the removed share of a flight by the momenta of its balance."""
+    found = management.balance(manifest_of(PARTS), flight)
+    return management.removed_share(
+        found.times, found.stored, found.without, np.zeros(3), management.SMALL
+    )
+
+
 # --- what is removed, and what is left ------------------------------------------------
 
 
@@ -102,14 +110,14 @@ def test_the_removed_share_is_of_the_larger_incoming_momentum(
     first, left_rate, coils, removed
 ):
     flight = flight_of(first, left_rate, coils)
-    found = management.removed(manifest_of(PARTS), flight)
+    found = removed_share_of(flight)
     assert found == pytest.approx(removed, abs=1e-12)
 
 
 @pytest.mark.parametrize(("first", "is_known"), [(0.9e-3, False), (1.1e-3, True)])
 def test_a_thousandth_of_the_capacity_counts_as_no_momentum(first, is_known):
     flight = flight_of(first, 0.0, 0.0)
-    found = management.removed(manifest_of(PARTS), flight)
+    found = removed_share_of(flight)
     assert (found is not None) == is_known
 
 

@@ -52,8 +52,11 @@ def attributes(manifest: Manifest) -> dict[str, str]:
 
 
 def run_id_of(manifest: Manifest) -> str:
-    """Return the identity of a run, which its series and its manifest have in common."""
-    return f"{manifest.digest} {manifest.started or ''}".strip()
+    """Return the identity of a run, which its series and its manifest have in common.
+
+    Empty for a run of an older version, whose manifest has no digest.
+    """
+    return f"{manifest.digest} {manifest.started or ''}" if manifest.digest else ""
 
 
 def resumed(now: Manifest, before: JsonObject, folder: str, again: str) -> Manifest:
@@ -235,7 +238,9 @@ def read_manifest(folder: Path) -> Manifest:
                 ):
                     raise DesatError(f"{place}: no manifest of a run (it has no {key})")
             try:
-                return Manifest.from_json(document)
+                return Manifest.from_json(
+                    {key: x for key, x in document.items() if key != SEAL}
+                )
             except ValueError as error:
                 raise DesatError(f"{place}: no manifest of a run: {error}") from error
     if (folder / paths.NOMINAL).is_file():
