@@ -964,7 +964,9 @@ def test_ended_when_all_is_recorded(
         return finish(packing, *last)
 
     monkeypatch.setattr(Packing, "finish", killed)
-    run = simulate(prepare(str(system), options("NOTHING")), tmp_path / "out")
+    run = simulate(
+        prepare(str(system), options("NOTHING")), tmp_path / "out", partial=True
+    )
     assert (run.manifest["status"], run.code) == (status, code)
     assert run.results.times().tolist() == [float(k) for k in range(11)]
     assert {p.name for p in (tmp_path / "out").iterdir()} == {

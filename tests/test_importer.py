@@ -633,12 +633,10 @@ def ring(
         {"output_classes": {"a.y": "state", "b.y": "state"}},
     ],
 )
-@pytest.mark.parametrize("said", [(SILENT, SILENT), (ALL, SILENT), (SILENT, ALL)])
-def test_an_undeclared_loop_is_solved_at_the_start(
-    typed, tmp_path, lines_found, options
-):
+@pytest.mark.parametrize("declared", [(SILENT, SILENT), (ALL, SILENT), (SILENT, ALL)])
+def test_an_undeclared_loop_is_solved_at_the_start(typed, tmp_path, declared, options):
     """It did not settle. Steps keep the solution, as it is a fixed point."""
-    done = run(ring(tmp_path, typed, lines_found), **options)
+    done = run(ring(tmp_path, typed, declared), **options)
     for name, value in (("a", 8.0 / 3.0), ("b", 10.0 / 3.0)):
         found = done.results.values(f"{name}.y").tolist()
         assert found == pytest.approx([value] * len(found), rel=1e-9)
@@ -692,16 +690,14 @@ def test_what_does_not_answer_between_steps_is_named(
     run(file, solve_loops=True, isolate=isolate, output_classes=late)
 
 
-@pytest.mark.parametrize("said", [SILENT, NONE])
-def test_what_declares_nothing_may_be_a_state_and_is_told(typed, tmp_path, lines_found):
+@pytest.mark.parametrize("declared", [SILENT, NONE])
+def test_what_declares_nothing_may_be_a_state_and_is_told(typed, tmp_path, declared):
     """It is named once; one that declares that it is a state is not."""
-    done = run(
-        ring(tmp_path, typed, (lines_found, lines_found), (12, 12)), solve_loops=True
-    )
+    done = run(ring(tmp_path, typed, (declared, declared), (12, 12)), solve_loops=True)
     text = "\n".join(done.manifest.warnings)
     lines = [x for x in done.manifest.warnings if "does not answer to u" in x]
-    assert len(lines) == (2 if lines_found == SILENT else 0)
-    assert ("there is no algebraic loop" in text) == (lines_found == NONE)
+    assert len(lines) == (2 if declared == SILENT else 0)
+    assert ("there is no algebraic loop" in text) == (declared == NONE)
 
 
 # --- words ----------------------------------------------------------------------------

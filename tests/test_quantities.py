@@ -12,7 +12,7 @@ from fuzz import commands
 
 from desat.begin.craft import write
 from desat.begin.facts import CraftFacts
-from desat.begin.orbits import doubts
+from desat.runs.new_craft import write_craft
 from desat.sizing.requirements import SizingRequirements
 from desat.system.errors import DesatError
 from desat.system.quantity import Quantity
@@ -67,7 +67,7 @@ REFUSED = {
     "new craft x --tle iss.tle --inclination 10deg": "--inclination 10deg: --tle iss.tle says the",
     "new craft x --tle iss.tle --ltan 10:30": "--ltan 10:30: --tle iss.tle says the orbit",
     "new craft x --tle iss.tle --altitude 400km": "--altitude, --tle: only one of them may define the orbit",
-    "new craft x --tle iss.tle --epoch 2027-01-01": "--epoch 2027-01-01: 2579 days after those of",
+    "new craft x --tle iss.tle --epoch 2027-01-01": "x/nominal.toml: epoch: environment: epoch_j2000: the run is 2580 days after",
     "new craft 'a\"b'": 'a"b: a name of letters, digits, blanks and . _ + - is needed',
     "size mine --margin inf": "--margin inf: a number is needed",
     "size mine --margin 1e300": "--margin 1e300: a factor of 1 or more is needed, 100 at most",
@@ -139,18 +139,18 @@ def test_the_epoch_of_a_craft_is_that_of_its_elements(tmp_path):
     assert (
         result["epoch"].isoformat() == "2019-12-09T16:38:29+00:00"
     )  # day 343.69339541
-    assert doubts(CraftFacts(tle=file)) == []
-    assert doubts(CraftFacts(tle=file, epoch="2019-12-12")) == []
-    (answer,) = doubts(CraftFacts(tle=file, epoch="2019-12-20T00:00:00Z"))
-    assert answer.startswith(
-        "--epoch 2019-12-20T00:00:00Z: 10 days after those of --tle "
-    )
+    for epoch, expected in ((None, 0), ("2019-12-12", 0), ("2019-12-20T00:00:00Z", 1)):
+        facts = CraftFacts(tle=file, epoch=epoch)
+        _, warnings = write_craft(tmp_path / "mine", facts, "", force=True)
+        text = "the run is 11 days after the epoch of its elements"
+        assert sum(text in line for line in warnings) == expected
     with pytest.raises(
         DesatError,
-        match=r"--epoch 2019-10-01: 70 days before those of --tle .*"
+        match=r"the run is 70 days before the epoch of its elements .*"
         r"SGP4 is not valid beyond 30 days",
     ):
-        doubts(CraftFacts(tle=file, epoch="2019-10-01"))
+        write_craft(tmp_path / "other", CraftFacts(tle=file, epoch="2019-10-01"), "")
+    assert not (tmp_path / "other").exists()
 
 
 def test_numbers_have_units_on_the_command_line(folder):

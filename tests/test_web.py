@@ -500,7 +500,12 @@ def test_the_same_page_comes_out_again_and_needs_no_server(exported_page, craft)
         (["--slider", "torquers.drive=0:1"], "a choice of "),
         (["--slider", "manager.sample_time=1:10"], "what the loop is written out with"),
         (
-            ["--source", "environment=environment_tle"],
+            [
+                "--source",
+                "environment=environment_tle",
+                "--set",
+                "environment.epoch_tle_j2000=852033600",
+            ],
             "environment_tle is a block of Python without",
         ),
         (["--step", "10"], "sample_time"),

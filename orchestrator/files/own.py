@@ -98,11 +98,10 @@ def _build(file: Path, target: Path, platforms: str) -> None:
     """Build the FMUs of a block file into a folder, as a whole."""
     from desat.fmus.build import INDEX
 
-    from . import library  # which imports this module
-
     part = target.with_suffix(".part")
     shutil.rmtree(part, ignore_errors=True)  # left by a process that was killed
-    part.mkdir()
+    temporary = part / "temporary"  # of the build and of its compiler
+    temporary.mkdir(parents=True)
     try:
         # a separate process, because building spawns others, which need an importable
         # script
@@ -120,7 +119,7 @@ def _build(file: Path, target: Path, platforms: str) -> None:
             capture_output=True,
             text=True,
             check=False,
-            env={**os.environ, "TMPDIR": str(library.scratch("build"))},
+            env={**os.environ, "TMPDIR": str(temporary)},
         )
         if done.returncode:
             last = (done.stderr.strip().splitlines() or ["no message"])[-1]
@@ -130,6 +129,7 @@ def _build(file: Path, target: Path, platforms: str) -> None:
                 f"{file}: it ended the process that builds it, with code 0, before an FMU "
                 "was written: a block file must not exit when it is imported"
             )
+        shutil.rmtree(temporary)
         part.replace(target)
     finally:
         shutil.rmtree(part, ignore_errors=True)
