@@ -188,7 +188,7 @@ def test_the_worst_fault_is_said_in_words(desat, craft):
         (["u12", "u12", "--laws", "all"], "u12 u12: --laws flies one craft"),
         (["nowhere"], "nowhere"),
         (["u12", "--limit", "peak"], "--limit peak: NAME=MOST is needed"),
-        (["u12", "--number", "paek"], "u12: no number paek; there is"),
+        (["u12", "--number", "paek"], "u12: no number paek; did you mean peak?"),
     ],
 )
 def test_wrong_faults_are_refused_in_a_line(desat, craft, values, line):
