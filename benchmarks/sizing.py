@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 from rich.progress import track
 
 from desat.analyses import flight as flights
+from desat.analyses.flight import secular
 from desat.analyses.management import is_braking
 from desat.begin import craft as new_craft
 from desat.begin.body import CUBESATS
@@ -54,7 +55,6 @@ from desat.sizing.least_rod import (
     reach,
 )
 from desat.sizing.model import fly, track_of
-from desat.sizing.momentum import secular
 from desat.sizing.requirements import SizingRequirements
 from desat.sizing.result import Sizing
 from desat.sizing.rods import SizingPoint, in_the_loop

@@ -7,6 +7,7 @@ from __future__ import annotations
 import re
 import signal
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -40,6 +41,23 @@ GEO = CraftFacts(
     dump="thrusters 70:10",
     panel="13m2 1.35m",
     epoch="2027-03-20",
+)
+LOW = CraftFacts(
+    altitude="600km",
+    mass="150kg",
+    wheels="4 pyramid 0.3Nms",
+    rods="none",
+    thrusters="4 1N",
+    dump="thrusters 70:10",
+)
+FAR = CraftFacts(
+    sun="1AU",
+    mass="600kg",
+    wheels="4 pyramid 15Nms",
+    thrusters="4 1N",
+    dump="thrusters 70:10 aligned",
+    pointing="inertial",
+    secular="0uNm,90uNm,60uNm",
 )
 
 
@@ -113,16 +131,7 @@ def test_a_dump_that_waits_begins_before_the_wheels_are_full():
     ],
 )
 def test_a_wait_that_cannot_be_afforded_is_refused(tmp_path, options, count):
-    facts = CraftFacts(
-        sun="1AU",
-        mass="600kg",
-        wheels="4 pyramid 15Nms",
-        thrusters="4 1N",
-        dump="thrusters 70:10 aligned",
-        pointing="inertial",
-        secular="0uNm,90uNm,60uNm",
-    )
-    write(tmp_path / "c", facts, "")
+    write(tmp_path / "c", FAR, "")
     checked = prepare(str(tmp_path / "c"), Options(sets=list(options))).checked
     assert len([x for x in checked.problems if "wait" in x]) == count
     if options == ("manager.latest=0",):
@@ -133,16 +142,7 @@ def test_a_wait_that_cannot_be_afforded_is_refused(tmp_path, options, count):
 
 
 def test_a_craft_whose_dumps_wait_keeps_its_attitude(tmp_path):
-    facts = CraftFacts(
-        sun="1AU",
-        mass="600kg",
-        wheels="4 pyramid 15Nms",
-        thrusters="4 1N",
-        dump="thrusters 70:10 aligned",
-        pointing="inertial",
-        secular="0uNm,90uNm,60uNm",
-    )
-    write(tmp_path / "c", facts, "")
+    write(tmp_path / "c", FAR, "")
     start = "wheels.h_start_wheel=10.4,10.4,0,0"
     run = execute(str(tmp_path / "c"), Options(stop=60000.0, sets=[start]))
     numbers = run.manifest.numbers
@@ -157,14 +157,12 @@ def test_a_craft_whose_dumps_wait_keeps_its_attitude(tmp_path):
 
 def test_rates_are_of_the_weeks_between_dumps(tmp_path):
     """Its first dump comes after a week; node and Sun move meanwhile."""
-    facts = CraftFacts(
+    facts = replace(
+        LOW,
         mass="100kg",
         altitude="650km",
         inclination="60deg",
         wheels="4 pyramid 1Nms",
-        rods="none",
-        thrusters="4 1N",
-        dump="thrusters 70:10",
     )
     write(tmp_path / "c", facts, "")
     wishes = SizingRequirements(flown=False, year=False)
@@ -176,15 +174,7 @@ def test_rates_are_of_the_weeks_between_dumps(tmp_path):
 
 
 def test_the_numbers_of_a_sentence_are_of_one_condition(tmp_path):
-    facts = CraftFacts(
-        altitude="600km",
-        mass="150kg",
-        wheels="4 pyramid 0.3Nms",
-        rods="none",
-        thrusters="4 1N",
-        dump="thrusters 70:10",
-    )
-    write(tmp_path / "c", facts, "")
+    write(tmp_path / "c", LOW, "")
     found = size_dumps(str(tmp_path / "c"), Options(), SizingRequirements(flown=False))
     sentence = re.search(
         r"dumps (\S+) times a week, (\S+) g each, (\S+) kg a year at this rate; over "

@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 
 from benchmarks import sizing as bench
 from desat.analyses import flight as flights
-from desat.analyses.flight import Flight, Hardware
+from desat.analyses.flight import Flight, Hardware, secular
 from desat.begin import craft as new_craft
 from desat.begin.facts import CraftFacts
 from desat.components.laws import cross_product
@@ -36,7 +36,7 @@ from desat.sizing.least_rod import (
     solve_programme,
 )
 from desat.sizing.model import fly, track_of
-from desat.sizing.momentum import secular, smallest_wheel_capacity
+from desat.sizing.momentum import smallest_wheel_capacity
 from desat.sizing.propellant import GRAVITY, YEAR, compute_propellant
 from desat.sizing.requirements import SizingRequirements
 from desat.sizing.result import find_margins, find_problems

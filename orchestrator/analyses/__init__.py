@@ -26,8 +26,7 @@ lists them.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import cache
 from types import ModuleType
@@ -86,9 +85,22 @@ class Analysis:
         if not late:
             return parts
         # a part is named by its component or by a series of it
-        named = set(re.findall(r"'([\w.]+)'", repr((parts, self.signals(parts)))))
+        named = set(_texts_in([*vars(parts).values(), *self.signals(parts)]))
         series = {f"{name}.{output}" for name, of in late.items() for output in of}
         return None if named & (late.keys() | series) else parts
+
+
+def _texts_in(values: Iterable[Any]) -> Iterator[str]:
+    """Yield the texts among values and in their collections."""
+    for value in values:
+        if isinstance(value, str):
+            yield value
+        elif isinstance(value, Mapping):
+            yield from _texts_in([*value, *value.values()])
+        elif isinstance(value, Parts):
+            yield from _texts_in(vars(value).values())
+        elif isinstance(value, Iterable):
+            yield from _texts_in(value)
 
 
 def find_late_states(system: System) -> dict[str, list[str]]:

@@ -121,6 +121,23 @@ class Flight:
         return self.period * int(since / self.period * (1.0 + 1e-12))
 
 
+def secular(
+    flight: Flight, times: Array | None = None, impulse: Array | None = None
+) -> tuple[Array, Array]:
+    """Compute the secular torque (3,) N m, eci, and the cyclic impulse (rows, 3) N m s.
+
+    Both are over as many whole orbits as the flight has: of its disturbance, or of an
+    `impulse` (rows, 3; N m s, eci) at other `times` (s).
+    """
+    if times is None or impulse is None:
+        times, impulse = flight.times, flight.disturbance
+    since, duration = times - times[0], flight.orbits_duration
+    rows = since <= duration * (1.0 + 1e-12)
+    end = np.array([np.interp(duration, since, x) for x in impulse.T])
+    torque = (end - impulse[0]) / duration
+    return torque, impulse[rows] - impulse[0] - np.outer(since[rows], torque)
+
+
 class Attitude(NamedTuple):
     """Pointing of a craft."""
 

@@ -33,6 +33,7 @@ from .flight import (
     flown_at,
     inputs_at,
     needless,
+    secular,
     wanted_attitude,
 )
 from .sampling import orbit_period
@@ -252,12 +253,11 @@ def _thrusters(system: System) -> Iterator[str]:
         flight = orbit_flight(system)
     except (DesatError, BlockError):
         return
-    span = flight.times[-1] - flight.times[0]
-    secular = (flight.disturbance[-1] - flight.disturbance[0]) / span
-    if weakest < float(np.linalg.norm(secular)):
+    torque = float(np.linalg.norm(secular(flight)[0]))
+    if weakest < torque:
         yield (
             f"{place} = {weakest:.3g} N m: less than the disturbances leave, "
-            f"{np.linalg.norm(secular):.3g} N m: no dump ends"
+            f"{torque:.3g} N m: no dump ends"
         )
 
 
@@ -304,9 +304,7 @@ def _orbit_momentum(system: System, wheels: WheelArray) -> Iterator[str]:
     except (DesatError, BlockError):
         return  # attitude or environment are not known without a run
     inverse = np.linalg.pinv(axes)
-    span = float(flight.times[-1] - flight.times[0])
-    impulse = flight.disturbance - flight.disturbance[0]
-    rest = impulse - np.outer((flight.times - flight.times[0]) / span, impulse[-1])
+    _, rest = secular(flight)
     rest = rest - (rest.max(axis=0) + rest.min(axis=0)) / 2.0
     inside = rotate(flight.q, rest) - (flight.body - flight.body.mean(axis=0))
     needs = float(np.abs(inside @ inverse.T).max())
@@ -314,11 +312,13 @@ def _orbit_momentum(system: System, wheels: WheelArray) -> Iterator[str]:
     if needs > capacity:
         text = cyclic.shortfall(needs, capacity, f"disturbances, mostly {cause},")
         yield f"{place}: {name}: {text}"
-    brings = span * _growth(flight, wheels)
+    brings = flight.orbits_duration * _growth(flight, wheels)
     if brings > capacity:
+        is_far = float(np.linalg.norm(flight.r[0])) > motion.BEYOND
         yield (
-            f"{place}: {name}: disturbances, mostly {cause}, leave {brings:.3g} N m s in the fullest wheel "
-            f"in each orbit, and it holds {capacity:.3g} N m s"
+            f"{place}: {name}: disturbances, mostly {cause}, leave {brings:.3g} N m s in "
+            f"the fullest wheel {'each day' if is_far else 'in each orbit'}, and it holds "
+            f"{capacity:.3g} N m s"
         )
 
 
@@ -330,7 +330,7 @@ def _largest_source(
         name: float(np.linalg.norm(x - x[0], axis=1).max())
         for name, x in flight.sources.items()
     }
-    name = max(sizes, key=lambda n: sizes[n])
+    name = max(sizes, key=sizes.__getitem__)
     if name == TABLE_TORQUE and (table := craft_of(system).disturbance) is not None:
         return _place_of(system, table, "torque"), name
     return _place_of(system, craft, CAUSES.get(name, "inertia")), name
@@ -338,9 +338,8 @@ def _largest_source(
 
 def _growth(flight: Flight, wheels: WheelArray) -> float:
     """Compute how fast the secular torque of a flight fills a wheel (N m), at most."""
-    span = flight.times[-1] - flight.times[0]
-    secular = (flight.disturbance[-1] - flight.disturbance[0]) / span
-    along = rotate(flight.q, np.broadcast_to(secular, (len(flight.q), 3)))
+    torque, _ = secular(flight)
+    along = rotate(flight.q, np.broadcast_to(torque, (len(flight.q), 3)))
     return float(np.abs(along @ np.linalg.pinv(wheels.axes).T).max())
 
 
@@ -460,17 +459,11 @@ def orbit_flight(system: System) -> Flight:
     if key not in _orbits:
         if len(_orbits) >= _ORBITS_KEPT:
             _orbits.clear()
-        _orbits[key] = _fly_orbit(system)
+        block = environment_block(system.roles["environment"], needless(system))
+        period = orbit_period(system)
+        if period is None:
+            raise DesatError(f"{system.place}: its orbit is not known before a run")
+        times = system.start + np.linspace(0.0, period, ROWS)
+        inputs = inputs_at(block, times.tolist())
+        _orbits[key] = flown_at(system, wanted_attitude(system), inputs, times)
     return _orbits[key]
-
-
-def _fly_orbit(system: System) -> Flight:
-    """Fly an orbit, or a day in deep space, at the reference attitude, unmanaged."""
-    block = environment_block(system.roles["environment"], needless(system))
-    first = inputs_at(block, [system.start])
-    period = motion.period_of(first["r_eci"][0], first["v_eci"][0])
-    times = system.start + np.linspace(0.0, period, ROWS)
-    block = environment_block(system.roles["environment"], needless(system))
-    return flown_at(
-        system, wanted_attitude(system), inputs_at(block, times.tolist()), times
-    )

@@ -11,7 +11,7 @@ import numpy as np
 from desat.components.contract.block import BlockError
 
 from ..analyses.flight import environment_block, flown_at, inputs_at, wanted_attitude
-from ..analyses.motion import period_of
+from ..analyses.sampling import orbit_period
 from ..begin import craft
 from ..begin.craft import NewCraft
 from ..begin.facts import CraftFacts
@@ -88,10 +88,10 @@ def _dipole_opposes(system: System) -> bool:
     spacecraft = system.roles["spacecraft"]
     if not any(spacecraft.values.get("residual_dipole_body", (0.0,))):
         return False
+    period = orbit_period(system)
+    if period is None:
+        return False
     try:
-        block = environment_block(system.roles["environment"])
-        first = inputs_at(block, [system.start])
-        period = period_of(first["r_eci"][0], first["v_eci"][0])
         orbits = max(1, round(DAY / period))
         times = system.start + np.linspace(0.0, orbits * period, ROWS * orbits + 1)
         block = environment_block(system.roles["environment"])

@@ -46,6 +46,7 @@ from ..analyses.flight import (
     hardware_of,
     inputs_at,
     needless,
+    secular,
     values_of,
     wanted_attitude,
 )
@@ -65,7 +66,6 @@ from .compatibility import terms_of
 from .momentum import (
     SourceShare,
     compute_slew,
-    secular,
     shares_of,
     smallest_wheel_capacity,
 )

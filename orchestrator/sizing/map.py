@@ -31,6 +31,7 @@ from ..analyses.flight import (
     hardware_of,
     inputs_at,
     integral,
+    secular,
     values_of,
 )
 from ..runs.prepare import prepare, read
@@ -43,7 +44,7 @@ from .compatibility import terms_of
 from .law import Law, UnsuitedError, hold_of, law_of
 from .least_rod import least_by_formula, reach
 from .model import fly, track_of
-from .momentum import secular, smallest_wheel_capacity
+from .momentum import smallest_wheel_capacity
 from .requirements import SizingRequirements
 from .rods import other_laws
 from .scenarios import fly_case

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..analyses.flight import Flight, Hardware
+from ..analyses.flight import Flight, Hardware, secular
 from ..numbers.derived import rotate
 from .model import in_body_of
 from .requirements import SizingRequirements
@@ -33,23 +33,6 @@ class SourceShare:
     along: float
     per_orbit: float  # N m s
     cyclic: float  # N m s, as `Sizing.cyclic`
-
-
-def secular(flight: Flight) -> tuple[Array, Array]:
-    """Compute the secular torque (3,) N m, eci, and the cyclic impulse (rows, 3) N m s.
-
-    Both are over as many whole orbits as the flight has.
-    """
-    return _secular(flight.times, flight.disturbance, flight.orbits_duration)
-
-
-def _secular(times: Array, impulse: Array, duration: float) -> tuple[Array, Array]:
-    """Compute the secular torque and cyclic impulse over a time `duration` (s)."""
-    since = times - times[0]
-    rows = since <= duration * (1.0 + 1e-12)
-    end = np.array([np.interp(duration, since, x) for x in impulse.T])
-    torque = (end - impulse[0]) / duration
-    return torque, impulse[rows] - impulse[0] - np.outer(since[rows], torque)
 
 
 def cyclic_span(cyclic: Array) -> float:
@@ -77,7 +60,7 @@ def shares_of(
     square = float(torque @ torque)
     rows, known = [], np.zeros(3)
     for name, impulse in flight.sources.items():
-        mean, cyclic = _secular(flight.source_times, impulse, flight.orbits_duration)
+        mean, cyclic = secular(flight, flight.source_times, impulse)
         known += mean
         size = float(np.linalg.norm(mean))
         along = float(mean @ torque) / square if square > 0.0 else 0.0

@@ -16,6 +16,7 @@ from ..analyses.flight import (
     attitude_of,
     flight_of,
     hardware_of,
+    secular,
     series_for,
 )
 from ..analyses.manifest import Manifest
@@ -29,7 +30,7 @@ from .compatibility import Terms, fitting, prepare_with
 from .law import OTHERS_STEP, STEP, Law, UnsuitedError, hold_of, law_of
 from .least_rod import least_by_programme, reach
 from .model import Course, fly, track_of, useful
-from .momentum import secular, smallest_wheel_capacity
+from .momentum import smallest_wheel_capacity
 from .requirements import SizingRequirements
 from .scenarios import WORST
 from .year import WorstDay, days_of_year, find_worst_day

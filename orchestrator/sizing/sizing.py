@@ -25,7 +25,7 @@ from math import inf
 import numpy as np
 
 from ..analyses import wheels
-from ..analyses.flight import Attitude, Hardware, attitude_of, hardware_of
+from ..analyses.flight import Attitude, Hardware, attitude_of, hardware_of, secular
 from ..runs.prepare import prepare, read
 from ..system.errors import DesatError
 from ..system.model import System
@@ -37,7 +37,6 @@ from .momentum import (
     compute_slew,
     compute_wheel_needs,
     cyclic_span,
-    secular,
     shares_of,
     smallest_wheel_capacity,
 )

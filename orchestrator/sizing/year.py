@@ -19,13 +19,14 @@ from ..analyses.flight import (
     flown_at,
     inputs_at,
     needless,
+    secular,
     values_of,
 )
 from ..analyses.motion import period_of
 from ..system.errors import DesatError
 from ..system.model import Component, System, Values
 from .least_rod import least_by_formula, least_by_programme, reach
-from .momentum import cyclic_span, secular
+from .momentum import cyclic_span
 
 Array = NDArray[Any]
 YEAR_DATES = 13  # days of a year that are examined
