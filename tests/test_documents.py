@@ -265,7 +265,7 @@ ACCEPTED: dict[str, dict[str, str]] = {
     },
     "docs/hosts.md": {
         "284 kB": TESTED,
-        "337 kB": TESTED,
+        "344 kB": TESTED,
         "10 ms": BY_HAND,
         "101 MB": SOURCE,
         "413 MB": SOURCE,
