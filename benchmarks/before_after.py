@@ -69,7 +69,7 @@ def checked(target: str) -> tuple[str, Any]:
 
 def _problems_of(target: str) -> Any:
     try:
-        found = prepare(target, Options()).checked
+        found = prepare(target, Options())
     except DesatError as error:
         return {"refused": str(error)}
     except Exception as error:

@@ -24,7 +24,7 @@ from desat.components.maths.moments import lag as lag_moments
 from desat.components.physics.orbit import EARTH_RATE, MU
 from desat.components.physics.torques import SOLAR_PRESSURE
 from desat.runs.run import Options, execute, prepare
-from desat.system.parameters import table
+from desat.system.model import table
 
 Array = NDArray[np.float64]
 SCENARIO = "integrated/mil-nadir"

@@ -23,7 +23,7 @@ from desat.components.blocks.environment_kepler import EnvironmentKepler
 from desat.engine.loop import stepping
 from desat.engine.master import Master
 from desat.runs.run import Options, prepare
-from desat.system.parameters import table
+from desat.system.model import table
 
 AUTHORITIES = Path(__file__).parent.parent / "tests" / "authorities"
 SECONDS = 6000

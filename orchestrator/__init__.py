@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from .campaign.draws import Sweep
     from .campaign.sampling import Sampling
     from .papers.tables import tables
-    from .runs.prepare import Case, prepare
+    from .runs.case import Case
+    from .runs.prepare import prepare
     from .runs.run import Run, simulate
     from .sizing.dumps import DumpSizing
     from .sizing.result import Sizing
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
     from .studies.faults import FaultTable
     from .studies.ranking import Ranking
     from .studies.tune import Tuned
-    from .system.check import Checked
     from .system.options import Options, RunOptions
 
 __all__ = [
@@ -62,7 +62,7 @@ __all__ = [
 ]
 # modules of public names that are imported at first use
 _AT = {
-    "Case": "runs.prepare",
+    "Case": "runs.case",
     "prepare": "runs.prepare",
     "Run": "runs.run",
     "simulate": "runs.run",
@@ -627,7 +627,7 @@ def check(
     stop: float | str | None = None,
     step: float | None = None,
     **options: Unpack[RunOptions],
-) -> Checked:
+) -> Case:
     """Find what is wrong with a system before it runs, as `desat check` does.
 
     Parameters
@@ -637,7 +637,7 @@ def check(
 
     Returns
     -------
-    Checked
+    Case
         `.problems` and `.warnings` are lists of lines; `.or_raise()` raises the
         problems.
 

@@ -267,7 +267,7 @@ def test_nozzles_as_the_axis_pairs_have_the_same_bound():
     }
     nozzles.interface = interface_of_block("thrusters_nozzles")
     system, _ = builder.check().or_raise()
-    from desat.system.parameters import table
+    from desat.system.model import table
 
     thrusters = table(system.components.values())["thrusters"]
     manifest = replace(

@@ -9,7 +9,8 @@ import pytest
 from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError
 from desat.system.expression import entry, factor, product, times
-from desat.system.parameters import Parameter, parse_assignment, unit_of
+from desat.system.model import Parameter
+from desat.system.parameters import parse_assignment, unit_of
 
 TABLE = {
     "wheels": {

@@ -16,7 +16,7 @@ from desat.fmus import registry
 from desat.runs.run import Options, execute, prepare
 from desat.system.expression import names_in
 from desat.system.interface import interface_of_block
-from desat.system.parameters import table
+from desat.system.model import table
 
 INERTIA = "[[21.0, 0.6, -0.4], [0.6, 18.0, 0.3], [-0.4, 0.3, 13.0]]"
 ANOTHER = "does it belong to another craft?"

@@ -14,7 +14,7 @@ from desat.engine.recording.memory import File
 from desat.engine.recording.results import Results
 from desat.runs.prepare import prepare
 from desat.system.options import Options
-from desat.system.parameters import Parameter
+from desat.system.model import Parameter
 
 DAY = "nadir_day/day-dipole"
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)

@@ -59,7 +59,7 @@ from desat.runs.validation import content_problems
 from desat.system.errors import DesatError
 from desat.system.interface import of_block
 from desat.system.layer import Layer, Place, Value
-from desat.system.parameters import Parameter
+from desat.system.model import Parameter
 
 NAME = "uosat12/table3-ocdc-ilqr-1"
 

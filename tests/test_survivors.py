@@ -37,7 +37,7 @@ from desat.numbers.limits import limits_of
 from desat.runs.prepare import read
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
-from desat.system.parameters import Parameter
+from desat.system.model import Parameter
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 COILS, LEVEL, PERIOD = (36.0, 36.0, 36.0), (0.04, 0.04, 0.04), 10.0

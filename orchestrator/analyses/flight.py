@@ -28,8 +28,8 @@ from ..files import library
 from ..numbers.derived import coil_impulse, cross, from_body, rotate_back
 from ..numbers.spline import Spline
 from ..system.errors import DesatError
-from ..system.model import Component, System, Values
-from ..system.parameters import Parameter, bare_block, table
+from ..system.model import Component, Parameter, System, Values, table
+from ..system.parameters import bare_block
 from ..system.wheels import axes_of, capacities, existing
 from . import motion
 
@@ -164,7 +164,7 @@ def values_of(system: System) -> Mapping[str, Values]:
             f"{system.name}: no {lacking[0]}: a craft with {', '.join(ROLES)} and "
             "torquers or thrusters is needed"
         )
-    every = table(system.components.values())
+    every = system.parameters
     return {role: {k: p.value for k, p in rows.items()} for role, rows in every.items()}
 
 

@@ -17,9 +17,8 @@ from ..numbers.text import Value
 from ..numbers.verdicts import Verdict
 from ..system.digest import wiring
 from ..system.expression import Table
-from ..system.model import Component, System, Values
+from ..system.model import Component, Parameter, System, Values, table
 from ..system.options import Options
-from ..system.parameters import Parameter, table
 from ..system.typed import JsonObject, fault_of
 from . import analyses
 
@@ -196,7 +195,7 @@ class Manifest(Mapping[str, Any]):
                 for s in c.interface.outputs
                 if s.choices
             },
-            parameters=table(system.components.values()),
+            parameters=system.parameters,
             digest=of_system(system, options),
         )
 

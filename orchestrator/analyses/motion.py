@@ -21,8 +21,7 @@ from desat.components.physics.orbit import EARTH_RATE, MU
 from desat.components.physics.torques import PLATE_COLUMNS, SOLAR_PRESSURE
 
 from ..numbers.derived import cross, rotate, rotate_back
-from ..system.model import System
-from ..system.parameters import Parameter
+from ..system.model import Parameter, System
 
 if TYPE_CHECKING:
     from ..engine.recording.results import Results

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from ..numbers.derived import rotate_back
 from ..numbers.text import Value
 from ..system.craft import carrier_inertia, craft_of
-from ..system.model import System
-from ..system.parameters import Parameter
+from ..system.model import Parameter, System
 from ..system.wheels import axes_of
 from . import Parts, not_checked
 from .manifest import Manifest

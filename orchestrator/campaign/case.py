@@ -22,7 +22,7 @@ from ..runs.run import Run, simulate
 from ..runs.substep_choice import choose_for_cases
 from ..system.errors import DesatError, Exit
 from .draws import STOPPED, ran
-from .plan import CampaignPlan, source, system
+from .plan import CampaignPlan, cases_of, system
 from .sampling import Drawn
 from .store import Batch, CaseRow
 
@@ -78,7 +78,7 @@ def _ran(plan: CampaignPlan, values: Mapping[str, Drawn], supervised: bool) -> C
     plots = content_of(system(plan).about).plots
     chosen = {name: plots[name] for name in plan.curves}
     signals = [signal for plot in chosen.values() for signal in plot.signals]
-    ended = ran(source(plan), options, values, signals, look, plan.sample_values)
+    ended = ran(cases_of(plan), options, values, signals, look, plan.sample_values)
     return CaseRow(
         **{**vars(ended), "described": {**ended.described, **numbers}}, curves=curves
     )
@@ -144,8 +144,9 @@ def repeat(plan: CampaignPlan, number: int, into: Path) -> Run:
     """Run a case again and keep its series and report in a folder."""
     options = replace(plan.options, supervised=True, call_limit=plan.limit)
     values = {**options.values, **plan.values(number)}
-    case = prepare(source(plan), replace(options, values=values))
-    choice = choose_for_cases(case, source(plan), options, plan.sample_values)
+    cases = cases_of(plan)
+    case = prepare(cases.scenario, replace(options, values=values))
+    choice = choose_for_cases(case, cases, options, plan.sample_values)
     run = simulate(case, into, choice=choice)
     if run.code == Exit.SPACE or run.code > STOPPED:
         run.or_raise(plan.target)

@@ -13,9 +13,12 @@ from typing import Any
 
 from ..analyses import analyses
 from ..files.io import LOCK, claimed
+from ..files.scenario import Scenario
 from ..language.content import Content, content_of, dispersions_of
+from ..runs.case import Case
+from ..runs.cases import draft_to_draw
 from ..runs.manifest import write_json
-from ..runs.prepare import Case, Target, prepare, with_stop
+from ..runs.prepare import prepare, with_stop
 from ..runs.prepare import read as read_source
 from ..runs.progress import progress as shown
 from ..system.errors import DesatError, Exit, RunError, nearest
@@ -68,7 +71,7 @@ def planned(
     if Path(target).exists():
         target = str(Path(target).resolve())
     source = read_source(target)
-    system = source.to_draw(options.blocks)
+    system = draft_to_draw(source, options.blocks)
     options = with_stop(source, options)
     if not (content := content_of(system.about)).dispersions:
         raise DesatError(
@@ -104,7 +107,7 @@ def planned(
     checked, _ = case.or_raise()
     _check_kept_series(plan, content, checked)
     warnings = [
-        *case.checked.warnings,
+        *case.warnings,
         *_unmissable(content, checked.steps * checked.step),
     ]
     if sampling == "sobol" and count & (count - 1):
@@ -173,7 +176,7 @@ def _power(count: int) -> int:
     return 1 << (count - 1).bit_length()
 
 
-def _first(source: Target, options: Options, values: Mapping[str, Any]) -> Case:
+def _first(source: Scenario, options: Options, values: Mapping[str, Any]) -> Case:
     """Prepare the first case; raise DesatError where it is wrong."""
     case = prepare(source, replace(options, values=values))
     try:
@@ -183,7 +186,7 @@ def _first(source: Target, options: Options, values: Mapping[str, Any]) -> Case:
         prepare(
             source, options
         ).or_raise()  # an error independent of the drawn values comes first
-        raise DesatError(f"{source.text}: case 0: {error}") from error
+        raise DesatError(f"{source.target}: case 0: {error}") from error
 
 
 def run(

@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 from ..analyses import Analysis, analyses, coverage
 from ..analyses.manifest import Stopped
-from ..files.builder import Builder
+from ..files.draft import Draft
 from ..language.content import Content, content_of, overridden_by
 from ..numbers.numbers import late
-from ..runs.prepare import Target, prepare, read, with_stop, with_values
+from ..runs.cases import Cases
+from ..runs.prepare import prepare, read, with_stop
 from ..runs.progress import progress as shown
 from ..runs.run import Options, Run, simulate
 from ..runs.substep_choice import choose_for_cases
@@ -178,13 +179,13 @@ class SourceReader:
     if the process ends before it has read it.)
     """
 
-    def __init__(self, *known: Target) -> None:
-        self._known = {source.text: source for source in known}
+    def __init__(self, *known: Cases) -> None:
+        self._known = {cases.scenario.target: cases for cases in known}
 
-    def source(self, target: str) -> Target:
-        """Return the source of a target."""
+    def cases(self, target: str) -> Cases:
+        """Return the cases of a target."""
         if target not in self._known:
-            self._known[target] = read(target)
+            self._known[target] = Cases(read(target))
         return self._known[target]
 
 
@@ -195,24 +196,24 @@ class One(SourceReader):
         self, target: str, options: Options, seed: int, draw: int | None
     ) -> RunRow:
         """Run a draw of a target (`one`)."""
-        return one(self.source(target), options, seed, draw)
+        return one(self.cases(target), options, seed, draw)
 
 
-def one(source: Target, options: Options, seed: int, draw: int | None) -> RunRow:
-    """Run a source with drawn values; with `draw` None nothing is drawn.
+def one(cases: Cases, options: Options, seed: int, draw: int | None) -> RunRow:
+    """Run a case with drawn values; with `draw` None nothing is drawn.
 
     Raises
     ------
     DesatError
         If the run could not begin or was stopped; the message names target and draw.
     """
-    target = source.text
+    target = cases.scenario.target
     values, values_of = {}, None
     if draw is not None:
-        values_of = partial(draw_of, source.to_draw(options.blocks), seed)
+        values_of = partial(draw_of, cases.draft(options.blocks), seed)
         values = values_of(draw)
     try:
-        row = ran(source, options, values, values_of=values_of)
+        row = ran(cases, options, values, values_of=values_of)
         return replace(row, number=draw)
     except DesatError as error:
         place = target if draw is None else f"{target}: draw {draw}"
@@ -221,30 +222,30 @@ def one(source: Target, options: Options, seed: int, draw: int | None) -> RunRow
 
 
 def ran(
-    source: Target,
+    cases: Cases,
     options: Options,
     values: Mapping[str, Any],
     also: Sequence[str] = (),
     look: Callable[[Run], None] = lambda run: None,
     values_of: Callable[[int], Mapping[str, Any]] | None = None,
 ) -> RunRow:
-    """Run a source with some values, and return its row.
+    """Run a case with some values, and return its row.
 
     `values_of` gives those of the first cases, from which substeps are chosen for all;
     None: the run chooses its own. Recorded are the series that the numbers need, and
     `also`. `look` may inspect the run before its results are closed.
     """
-    case = with_values(source, replace(options, values={**options.values, **values}))
+    case = cases.prepare(replace(options, values={**options.values, **values}))
     system, _ = case.or_raise()
     if options.record == ("*",):
         needed = (*series_of_numbers(system), *also)
         case = replace(case, options=replace(case.options, record=needed))
     choice = None
     if values_of is not None:
-        choice = choose_for_cases(case, source, options, values_of)
+        choice = choose_for_cases(case, cases, options, values_of)
     run = simulate(case, choice=choice)
     if run.code > STOPPED:
-        run.or_raise(source.text)
+        run.or_raise(case.target)
     manifest = run.manifest
     # requirements apply to all draws or cases together, not to one
     code = Exit.COMPLETED if run.ok and not manifest.unmet else run.code
@@ -294,7 +295,7 @@ def _asks_for(content: Content, analysis: Analysis) -> bool:
     return bool(bounds or numbers & set(analysis.NUMBERS))
 
 
-def never(system: Builder, options: Options) -> list[str]:
+def never(system: Draft, options: Options) -> list[str]:
     """Return a line for each option that sets a value which is drawn instead."""
     names = [*(text.partition("=")[0] for text in options.sets), *options.values]
     return [
@@ -323,7 +324,7 @@ def rows_of(
     jobs: int,
     title: str,
     progress: bool,
-    *known: Target,
+    *known: Cases,
     runner: Callable[..., Callable[..., RunRow]] = One,
 ) -> list[RunRow]:
     """Run all tasks over `jobs` processes, and return their rows.
@@ -358,7 +359,7 @@ def rows_of(
 
 
 def draws(
-    target: str | Target,
+    target: str | Cases,
     count: int,
     seed: int,
     options: Options,
@@ -371,19 +372,19 @@ def draws(
     The result has the rows and, for each number, median, smallest and largest value.
     Draw i of a seed is the same whatever the count and the number of processes.
     """
-    source = read(target) if isinstance(target, str) else target
-    target, system = source.text, source.to_draw(options.blocks)
-    options = with_stop(source, options)
+    cases = Cases(read(target)) if isinstance(target, str) else target
+    target, system = cases.scenario.target, cases.draft(options.blocks)
+    options = with_stop(cases.scenario, options)
     if not content_of(system.about).dispersions:
         raise DesatError(
             f"{target}: it has no [dispersions], so there is nothing to sample"
         )
     whole_numbers(target, seed=(seed, 0), count=(count, first + 1))
     typical = replace(options, values={**options.values, **draw_of(system, seed, 0)})
-    warnings = prepare(source, typical).checked.warnings
+    warnings = prepare(cases.scenario, typical).warnings
     warnings += never(system, options)
     tasks = [(target, options, seed, draw) for draw in range(first, count)]
-    rows = rows_of(tasks, jobs, target, progress, source)
+    rows = rows_of(tasks, jobs, target, progress, cases)
     return Draws(
         target, seed, rows, summary(rows, late(content_of(system.about))), warnings
     )
@@ -456,9 +457,9 @@ def sweep(
         raise DesatError(
             "a sweep needs a parameter and its values: component.parameter=a,b,c"
         )
-    source = read(target)
-    system = source.to_draw(options.blocks)
-    options = with_stop(source, options)
+    cases = Cases(read(target))
+    system = cases.draft(options.blocks)
+    options = with_stop(cases.scenario, options)
     for name in axes if draws else ():
         if drawn := overridden_by(system, name):
             raise DesatError(
@@ -467,13 +468,13 @@ def sweep(
     points = [
         dict(zip(axes, v, strict=True)) for v in itertools.product(*axes.values())
     ]
-    warnings = _warnings(source, axes, options)
+    warnings = _warnings(cases, axes, options)
     tasks = [
         (target, replace(options, values={**options.values, **point}), seed, draw)
         for point in points
         for draw in (range(draws) if draws else (None,))
     ]
-    rows = rows_of(tasks, jobs, target, progress, source)
+    rows = rows_of(tasks, jobs, target, progress, cases)
     count = max(draws, 1)
     times = late(content_of(system.about))
     groups = []
@@ -493,7 +494,7 @@ def sweep(
 
 
 def _warnings(
-    source: Target, axes: Mapping[str, Sequence[Any]], options: Options
+    cases: Cases, axes: Mapping[str, Sequence[Any]], options: Options
 ) -> list[str]:
     """Collect the warnings for each value, with the first value of all other axes.
 
@@ -506,7 +507,8 @@ def _warnings(
     ]
     lines: dict[str, None] = {}
     for point in tried:
-        case = prepare(source, replace(options, values={**options.values, **point}))
+        values = {**options.values, **point}
+        case = prepare(cases.scenario, replace(options, values=values))
         case.or_raise()
-        lines |= dict.fromkeys(case.checked.warnings)
+        lines |= dict.fromkeys(case.warnings)
     return list(lines)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from ..language.content import dispersions_of
 from ..numbers.statistics import clopper_pearson, median_interval
-from ..runs.prepare import Target
+from ..runs.cases import Cases
 from ..runs.run import Options
 from ..system.errors import DesatError
 from ..system.typed import JsonObject
@@ -47,7 +47,7 @@ class Pairs:
 
 
 def common(
-    one: Target, another: Target, seed: int, options: Options, plain: Options
+    one: Cases, another: Cases, seed: int, options: Options, plain: Options
 ) -> dict[str, list[str]]:
     """Find the names that two systems both draw, and those that only one draws.
 
@@ -58,8 +58,8 @@ def common(
     DesatError
         If there is no common name, or one is drawn in another way.
     """
-    target, other = one.text, another.text
-    systems = one.to_draw(options.blocks), another.to_draw(plain.blocks)
+    target, other = one.scenario.target, another.scenario.target
+    systems = one.draft(options.blocks), another.draft(plain.blocks)
     ours, theirs = (dispersions_of(s) for s in systems)
     names = sorted(ours.keys() & theirs.keys())
     if not names:

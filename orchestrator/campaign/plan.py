@@ -10,11 +10,13 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from ..files.builder import Builder
+from ..files.draft import Draft
 from ..files.identity import of_system, other, versions
+from ..files.scenario import Scenario
+from ..runs.cases import Cases
 from ..runs.manifest import write_json
-from ..runs.prepare import Target, resolved
 from ..runs.prepare import read as read_source
+from ..runs.prepare import resolved
 from ..system.digest import comparable
 from ..system.errors import DesatError
 from ..system.options import Options, as_arguments
@@ -228,29 +230,29 @@ def _short(value: Any) -> str:
     return text if len(text) < 80 else f"{text[:77]}..."
 
 
-def source(plan: CampaignPlan) -> Target:
-    """Read the source of a campaign's system, once a process.
+def cases_of(plan: CampaignPlan) -> Cases:
+    """Read the system of a campaign's cases, once a process.
 
     Raises DesatError where there is none.
     """
-    return _source(plan.target, plan.digest)
+    return _cases(plan.target, plan.digest)
 
 
 @lru_cache(maxsize=2)
-def _source(target: str, digest: str) -> Target:
-    """Read a source; the digest only distinguishes cached sources."""
-    return read_source(target)
+def _cases(target: str, digest: str) -> Cases:
+    """Read a target; the digest only distinguishes what is cached."""
+    return Cases(read_source(target))
 
 
-def system(plan: CampaignPlan) -> Builder:
+def system(plan: CampaignPlan) -> Draft:
     """Return a campaign's system to draw for, with its plots.
 
     Raises DesatError where it cannot be built.
     """
-    return source(plan).to_draw(plan.options.blocks)
+    return cases_of(plan).draft(plan.options.blocks)
 
 
-def digest_of(target: str | Target, options: Options) -> str:
+def digest_of(target: str | Scenario, options: Options) -> str:
     """Compute the digest of a system before anything is drawn.
 
     It covers everything that a row depends on except seed, number and sampling. Raises

@@ -40,12 +40,12 @@ from ..report.table import ROW_UNIT, Column, Row, Table, or_not_reached
 from ..runs.manifest import write_json
 from ..runs.prepare import prepare
 from ..system.errors import DesatError
-from ..system.parameters import table as parameters_of
+from ..system.model import table as parameters_of
 from ..system.typed import JsonObject
 from . import store
 from .case import POINTS
 from .judged import CaseVerdict, requirement, rerun
-from .plan import CampaignPlan, changed, read, source, system
+from .plan import CampaignPlan, cases_of, changed, read, system
 from .sampling import axes, sensitivity, unit_cube
 from .spread import Spread, to_json
 
@@ -546,7 +546,7 @@ def _limits(plan: CampaignPlan, plot: Plot, unit: str) -> list[tuple[str, float]
     """
     options = plan.options
     try:
-        checked, _ = prepare(source(plan), options).or_raise()
+        checked, _ = prepare(cases_of(plan).scenario, options).or_raise()
     except DesatError:
         return []
     drawn = dispersions_of(system(plan)).keys()

@@ -27,10 +27,10 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files.builder import Builder
+from ..files.draft import Draft
 from ..language.content import dispersions_of
 from ..language.scenario import Dispersion
-from ..system.errors import DesatError, nearest
+from ..system.errors import DesatError, nearest, require
 
 Sampling = Literal["random", "latin-hypercube", "sobol", "saltelli"]
 SAMPLINGS: tuple[str, ...] = get_args(Sampling)
@@ -43,7 +43,7 @@ MOST = 10_000_000
 
 
 def draw_of(
-    system: Builder, seed: int, draw: int, sampling: Sampling = "random", count: int = 0
+    system: Draft, seed: int, draw: int, sampling: Sampling = "random", count: int = 0
 ) -> dict[str, Drawn]:
     """Draw the values of the system's dispersions: `component.variable` -> value.
 
@@ -66,7 +66,7 @@ def draw_of(
     }
 
 
-def axes(system: Builder) -> tuple[list[str], list[int]]:
+def axes(system: Draft) -> tuple[list[str], list[int]]:
     """Return the sorted names that a sampling spreads, and their uniform numbers.
 
     These are all names except seeds, each with the number of uniform numbers that it
@@ -82,20 +82,20 @@ def axes(system: Builder) -> tuple[list[str], list[int]]:
     ]
 
 
-def _size(system: Builder, name: str) -> int:
+def _size(system: Draft, name: str) -> int:
     """Count the elements of a dispersed parameter; raise DesatError without one."""
     owner, _, variable = name.partition(".")
-    component = system.part(owner, f"{system.place}: dispersions")
-    if size := len(component.elements(variable)):
+    require(owner, system.components, f"{system.place}: dispersions: no component")
+    interface = system.components[owner].interface
+    if size := len(interface.elements.get(variable, ())):
         return size
-    signals = component.interface.parameters if component.interface else ()
     raise DesatError(
         f"{system.place}: dispersions: {name}: no such parameter"
-        f"{nearest(variable, {s.array for s in signals})}"
+        f"{nearest(variable, {s.array for s in interface.parameters})}"
     )
 
 
-def _random(system: Builder, name: str, spec: Dispersion, seed: int, draw: int) -> Any:
+def _random(system: Draft, name: str, spec: Dispersion, seed: int, draw: int) -> Any:
     """Draw a value from a random stream of its own."""
     size, kind = _size(system, name), spec.kind
     stream = np.random.default_rng([seed, draw, zlib.crc32(name.encode())])
@@ -149,7 +149,7 @@ def _directed(kind: str, numbers: Any, normal: NDArray[np.float64]) -> list[floa
     return [float(x) for x in (vector if kind == "attitude" else numbers * vector)]
 
 
-def allowed(sampling: Sampling, count: int, system: Builder) -> None:
+def allowed(sampling: Sampling, count: int, system: Draft) -> None:
     """Raise DesatError if a sampling cannot have this number of points."""
     if sampling in FIXED and count > MOST:
         raise DesatError(f"{sampling}: -n {count}: at most {MOST}")

@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import json
 import zipfile
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Sequence, Set
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
@@ -21,13 +21,14 @@ from desat.components.contract.roles import ECI
 from desat.fmus import starts
 
 from ..files import craft, library, paths, ssp
-from ..files.builder import Builder
 from ..files.io import place_of, replace_text
 from ..files.scenario import ROOT, Scenario, families
 from ..files.ssp import ABOUT, FILE, OMS, OSP, SSC, SSD, SSV
+from ..runs.prepare import prepare
 from ..system.errors import DesatError, nearest
 from ..system.interface import Signal, base_name
 from ..system.model import Component, Connection, Fmu, System
+from ..system.options import Options
 
 
 def pack_scenario(
@@ -82,7 +83,7 @@ def pack_scenario(
     newest = max(p.stat().st_mtime_ns for p in inputs)
     if not force and path.exists() and path.stat().st_mtime_ns > newest:
         return path
-    system, _ = scenario.builder().check().or_raise()
+    system, _ = prepare(scenario, Options()).or_raise()
     system = choose(system) if choose is not None else system
     pack(system, path, fmus, arrays)
     for text in otherwise(system):
@@ -429,8 +430,9 @@ def text(path: Path) -> str:
     DesatError
         If the file has problems; the text lists all.
     """
-    builder = Builder(craft.read(path), load=False)
-    name, title = quoteattr(builder.name), builder.title
+    draft = craft.read(path, Options(blocks=True))
+    draft.complete()
+    name, title = quoteattr(draft.name), draft.title
     about = f" description={quoteattr(title)}" if title else ""
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
@@ -441,35 +443,39 @@ def text(path: Path) -> str:
         f"  <ssd:System name={name}{about}>",
         "    <ssd:Elements>",
     ]
-    for component in builder.build()[1].values():
-        lines += _component_lines(component)
+    wired = {(c.target, c.input) for c in draft.connections}
+    wired |= {(c.source, c.output) for c in draft.connections}
+    for component in draft.components.values():
+        lines += _component_lines(component, wired)
     lines += ["    </ssd:Elements>", "    <ssd:Connections>"]
     lines += [
         f"      <ssd:Connection startElement={quoteattr(c.source)}"
         f" startConnector={quoteattr(c.output)} endElement={quoteattr(c.target)}"
         f" endConnector={quoteattr(c.input)}/>"
-        for c in builder.connections
+        for c in draft.connections
     ]
     lines += ["    </ssd:Connections>", "  </ssd:System>"]
-    if builder.stop is not None:
-        start, stop = builder.start, builder.stop
+    if draft.stop is not None:
+        start, stop = draft.start, draft.stop
         lines.append(
             f'  <ssd:DefaultExperiment startTime="{start!r}" stopTime="{stop!r}"/>'
         )
     return "\n".join([*lines, "</ssd:SystemStructureDescription>"]) + "\n"
 
 
-def _component_lines(component: Component) -> list[str]:
-    """Return the lines of a component."""
+def _component_lines(component: Component, wired: Set[tuple[str, str]]) -> list[str]:
+    """Return the lines of a component, with the connectors that are wired."""
+    interface = component.interface
     lines = [
         f"      <ssd:Component name={quoteattr(component.name)}"
         ' type="application/x-fmu-sharedlibrary" implementation="CoSimulation"'
         f" source={quoteattr(component.source)}>",
         "        <ssd:Connectors>",
         *(
-            f"          <ssd:Connector name={quoteattr(c.name)} kind={quoteattr(c.kind)}>"
-            f"<ssc:{c.type}/></ssd:Connector>"
-            for c in component.connectors.values()
+            f"          <ssd:Connector name={quoteattr(s.name)} kind={quoteattr(s.causality)}>"
+            f"<ssc:{s.kind}/></ssd:Connector>"
+            for s in (*interface.inputs, *interface.outputs)
+            if (component.name, s.name) in wired
         ),
         "        </ssd:Connectors>",
     ]

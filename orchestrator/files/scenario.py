@@ -31,8 +31,6 @@ from .merge import Origins, copy, fill, leave_out, merge, origin
 
 if TYPE_CHECKING:
     from ..language.content import Content
-    from ..system.layer import Layer
-    from .builder import Builder
 
 ROOT = paths.SCENARIOS
 # Prefix of the name of a role whose standard numbers and plots a scenario extends.
@@ -46,6 +44,10 @@ class Scenario:
     content: Content
     file: Path
     folder: Path  # of its craft file or SSD and its own FMUs
+    target: str = field(default="", compare=False)  # as it was named
+    # whether its file is that of a system (.ssp, .ssd, or a folder with one), which may
+    # have the content with it
+    is_system_file: bool = False
     # source of each value: path -> file and cell
     origins: Origins = field(default_factory=dict, repr=False, compare=False)
 
@@ -124,32 +126,6 @@ class Scenario:
             merged = copy(design(self.design).parameters)
         merge(merged, self.content.parameters, {}, ("", ""))
         return merged
-
-    def layers(self, designed: bool = True) -> list[Layer]:
-        """Read the layers of its craft and of itself.
-
-        `designed` False leaves its design out.
-
-        Raises
-        ------
-        DesatError
-            If it has no craft, or no design yet.
-        """
-        from . import layers
-
-        place, parameters = paths.shown(self.file), self.parameters(designed)
-        craft = layers.of_craft(self.content, self.folder, place, self.origin_of)
-        own_layer = layers.of_scenario(
-            self.name, self.content, parameters, self.folder, place, self.origin_of
-        )
-        return [craft, own_layer]
-
-    def builder(self, blocks: bool = False, designed: bool = True) -> Builder:
-        """Create the builder of its system; `designed` False leaves its design out."""
-        from .builder import Builder
-
-        craft, own_layer = self.layers(designed)
-        return Builder(craft, blocks).add(own_layer)
 
 
 # --- finding --------------------------------------------------------------------------
@@ -519,7 +495,10 @@ def _read(file: Path, family: str, only: str | None = None) -> list[Scenario]:
         }
         cells.append(
             Scenario(
-                _content(content, axes, origins, place), file, ROOT / home, origins
+                _content(content, axes, origins, place),
+                file,
+                ROOT / home,
+                origins=origins,
             )
         )
     return cells

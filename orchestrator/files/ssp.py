@@ -25,11 +25,14 @@ from lxml import etree
 from desat.components.contract.block import Scalar
 from desat.components.contract.units import Unit
 
-from ..system.errors import DesatError
-from ..system.layer import Layer, Place, Value
-from ..system.model import Connection, Connector, Fmu
-from ..system.parameters import known_unit, unit_of
-from . import library
+from ..system.errors import DesatError, nearest
+from ..system.interface import MISSING, Signal, base_name
+from ..system.model import Component, Connection, Connector, Fmu
+from ..system.options import Options
+from ..system.parameters import expand, in_unit_of, known_unit, unit_of
+from . import library, paths
+from .connect import warn, warning_of_namesake
+from .draft import Draft, component_of
 from .io import contents, inside, regular
 from .xml import parse_bytes, validate
 
@@ -46,49 +49,44 @@ FMU_TYPE = "application/x-fmu-sharedlibrary"
 ABOUT = "extra/desat/scenario.json"
 
 
-def read(path: Path, outside: bool = False) -> Layer:
-    """Read the layer of an SSP file: components, connections and values.
+def read(path: Path, options: Options) -> Draft:
+    """Read an SSP file: components, connections and values.
 
     Parameters
     ----------
     path
         A .ssp, a folder with a SystemStructure.ssd, or an .ssd.
-    outside
-        Whether it may name files outside its folder.
+    options
+        Whether it may name files outside its folder, and what its components run as.
 
     Raises
     ------
     DesatError
-        If the file cannot be used.
+        If the file cannot be used; problems of what it names are in the draft.
     """
     if not path.exists():
         raise DesatError(f"{path}: no such file or folder")
     if not path.is_dir():
         regular(path, str(path))
     if path.is_file() and path.suffix != ".ssd":
-        folder, place = library.extract(path), f"{path.name}/"
+        folder, prefix = library.extract(path), f"{path.name}/"
     else:
-        folder, place = (path if path.is_dir() else path.parent), ""
+        folder, prefix = (path if path.is_dir() else path.parent), ""
     file = path if path.suffix == ".ssd" else inside(folder, FILE)
     if not file.exists():
         raise DesatError(f"{path}: holds no {FILE}")
-    reader = _Reader(
-        folder, file, place + file.name if place else str(file), place, outside
-    )
-    layer = reader.layer()
+    place = prefix + file.name if prefix else str(file)
+    draft = _Reader(folder, file, place, prefix, options).read()
     file = inside(folder, ABOUT)
     if file.exists():
-        from .reader import (
-            read_packed,
-        )  # imports pydantic, so only if needed
+        from .reader import read_packed  # imports pydantic, so only if needed
 
-        layer.about = content = read_packed(file, f"{place}{ABOUT}")
-        layer.output_classes.update(content.output_classes)
-        layer.substeps = (
-            content.substeps or 1
-        )  # archives without it were packed before the key existed
-        layer.accuracy = content.accuracy or None
-    return layer
+        draft.about = content = read_packed(file, f"{prefix}{ABOUT}")
+        draft.output_classes.update(content.output_classes)
+        # archives without it were packed before the key existed
+        draft.substeps = content.substeps or 1
+        draft.accuracy = content.accuracy or draft.accuracy
+    return draft
 
 
 # Namespaces of prefixes that a file uses without declaring them.
@@ -202,13 +200,13 @@ class _Reader:
     """Reader of one SSP file."""
 
     def __init__(
-        self, folder: Path, file: Path, place: str, prefix: str, outside: bool
+        self, folder: Path, file: Path, place: str, prefix: str, options: Options
     ) -> None:
-        self.outside = outside
+        self.options = options
         self.folder, self.file, self.place, self.prefix = folder, file, place, prefix
-        self.result = Layer(place)
+        self.result = Draft(place)
         self.problems, self.warnings = self.result.problems, self.result.warnings
-        self.components: dict[str, Place] = {}  # by path
+        self.components: dict[str, Component] = {}  # by path
         # paths of systems and dictionaries -> path by which their connectors are known
         self.relays: dict[str, str] = {"": ""}
         self.kinds: dict[_End, str] = {}  # of listed connectors
@@ -216,14 +214,16 @@ class _Reader:
         self.links: list[_Link] = []
         # path where each value is bound; a later value replaces an earlier one
         self.values: list[tuple[str, _Value]] = []
+        # values by component and name, as they reach it
+        self.given: dict[tuple[str, str], _Value] = {}
         self.hints: dict[str, float] = {}  # step (s) of single components, by path
 
     def at(self, element: Any) -> str:
         """Return file and line of an element, for messages."""
         return f"{self.place}:{element.sourceline}"
 
-    def layer(self) -> Layer:
-        """Read the file into a layer."""
+    def read(self) -> Draft:
+        """Read the file into a draft."""
         root = self.parse(self.file, self.place)
         name = etree.QName(root)
         if name.localname == "SystemStructureDescription" and name.namespace != SSD:
@@ -237,30 +237,30 @@ class _Reader:
         element = root.find(f"{{{SSD}}}System")
         if element is None:
             raise DesatError(f"{self.place}: holds no System")
-        layer = self.result
-        layer.name = element.get("name", "")
+        draft = self.result
+        draft.name = element.get("name", "")
         self.walk(element, "")
         if not self.components:
             self.problems.append(
                 f"{self.at(element)}: holds no component: nothing runs"
             )
-        names = set[str]()
-        for path, place in self.components.items():
-            if place.name in names:
-                self.problems.append(
-                    f"{self.place}:{place.line}: component {path} twice"
-                )
-            names.add(place.name)
         reached = self.flatten()
         for path, value in self.values:
             self.give(path, value, value.name, reached)
         self.experiment(root)
-        for path, step in self.hints.items():
-            if layer.step:
-                ratio = max(1, round(step / layer.step))
-                self.components[path] = replace(self.components[path], step_ratio=ratio)
-        layer.places = list(self.components.values())
-        return layer
+        for path, component in self.components.items():
+            if component.name in draft.components:
+                self.problems.append(
+                    f"{self.place}:{component.line}: component {path} twice"
+                )
+            ratio = 1
+            if (hint := self.hints.get(path)) is not None and draft.step:
+                ratio = max(1, round(hint / draft.step))
+            component = replace(component, step_ratio=ratio)
+            draft.components[component.name] = component
+        draft.unchecked = dict.fromkeys(draft.components, "")
+        self.assign()
+        return draft
 
     def parse(self, file: Path, place: str) -> Any:
         """Parse a file and return its root.
@@ -361,7 +361,7 @@ class _Reader:
         return read
 
     def flatten(self) -> dict[_End, list[_Link]]:
-        """Add the connections from component to component to the layer.
+        """Add the connections from component to component to the draft.
 
         Return how each connector of a system or dictionary reaches the components that
         it feeds. Raises DesatError if a connector is its own source.
@@ -436,27 +436,79 @@ class _Reader:
                 f"{value.at}: {value.name} reaches no component: left out"
             )
 
-    def give_to(self, component: Place, name: str, value: _Value) -> None:
-        """Add a parameter set's value of a component's parameter to the layer."""
-        place = f"{value.at}: {component.name}.{name}"
-        conflict = (
-            f"{value.at} and {value.also}: {name} is given twice" if value.also else ""
-        )
-        self.result.values.append(
-            Value(
-                component.name,
-                name,
-                value.value,
-                place,
-                place,
-                unit=value.unit,
-                unit_name=value.unit_name,
-                conflict=conflict,
-                unchecked=True,
-            )
-        )
+    def give_to(self, component: Component, name: str, value: _Value) -> None:
+        """Keep a parameter set's value of a component's parameter; the last counts."""
+        self.given[component.name, name] = value
 
-    def component(self, element: Any, path: str) -> Place:
+    def assign(self) -> None:
+        """Set the parameters of the components, the structural ones first."""
+        draft = self.result
+
+        def is_structural(item: tuple[tuple[str, str], _Value]) -> bool:
+            (owner, name), _ = item
+            return name in draft.components[owner].interface.structural
+
+        for (owner, name), value in sorted(
+            self.given.items(), key=lambda item: not is_structural(item)
+        ):
+            component = draft.components[owner]
+            place = f"{value.at}: {owner}.{name}"
+            component.origins[name] = place
+            component.origins.setdefault(base_name(name), place)
+            if component.interface is MISSING:
+                continue
+            try:
+                self.assign_value(component, name, value, place)
+            except DesatError as error:
+                draft.refused[owner, base_name(name)] = str(error)
+            if name in component.interface.structural:
+                draft.resize(component)
+
+    def assign_value(
+        self, component: Component, name: str, value: _Value, place: str
+    ) -> None:
+        """Set a parameter in the unit of its variable.
+
+        A name that matches no variable is left out with a warning (SSP 1.0).
+
+        Raises
+        ------
+        DesatError
+            If the value does not fit, or one parameter set gives two values.
+        """
+        interface = component.interface
+        variable = interface.signals.get(name)
+        signals = [variable] if variable else interface.elements.get(name, ())
+        if not (signals or interface.role):
+            other = name.partition(".")[0]
+            if other != name and other in self.result.components:
+                raise DesatError(
+                    f"{place}: it names {other}, but the set is that of {component.name}"
+                )
+            hint = nearest(name, interface.signals)
+            text = f"{place}: {component.source} has no variable {name}{hint}: left out"
+            warn(self.result, text)
+            return
+        number = value.value
+        if value.unit is not None and signals:
+            signal = signals[0]
+            if value.unit_name == signal.unit_name:
+                text = warning_of_namesake(value.unit, signal.unit, signal, place)
+                warn(self.result, text)
+            elif not (signal.unit_name or interface.role):
+                warn(
+                    self.result,
+                    f"{place}: {name} has no unit: its value, which was given with one, is "
+                    "taken as it is",
+                )
+            else:
+                number = _converted_value(value, signal, place)
+        at = f"{place}: {component.name}"
+        component.parameters.update(expand(interface, name, number, at))
+        if value.also:
+            raise DesatError(f"{value.at} and {value.also}: {name} is given twice")
+
+    def component(self, element: Any, path: str) -> Component:
         """Read a component: source, connectors and step size hint."""
         source = self.source_of(element)
         kind = element.get("type") or FMU_TYPE
@@ -505,7 +557,16 @@ class _Reader:
         hint = element.find(f".//{{{OSP}}}StepSizeHint")
         if hint is not None:
             self.hints[path] = self.number(hint, "value", "0")
-        return Place(name, source, fmu, line=element.sourceline, connectors=connectors)
+        facts = {"line": element.sourceline, "connectors": connectors}
+        is_foreign = not self.file.absolute().is_relative_to(paths.SCENARIOS)
+        try:
+            return component_of(
+                name, source, fmu, self.options.blocks, is_foreign, **facts
+            )
+        except DesatError as error:
+            if source:  # what lies outside the folder is refused already
+                self.problems.append(f"{self.at(element)}: {name}: {error}")
+            return Component(name, source, MISSING, fmu=fmu, **facts)
 
     def source_of(self, element: Any) -> str:
         """Return the file that an element names, relative to the folder if it is in it.
@@ -524,7 +585,7 @@ class _Reader:
 
         For a file outside it is None, and a problem is added.
         """
-        if self.outside and "\0" not in source:
+        if self.options.outside and "\0" not in source:
             return self.folder / source
         try:
             return inside(self.folder, source)
@@ -710,7 +771,7 @@ class _Reader:
             reader = self
         else:
             root, place = self.named_file(element)
-            reader = _Reader(self.folder, self.file, place, self.prefix, self.outside)
+            reader = _Reader(self.folder, self.file, place, self.prefix, self.options)
             if root is not None:
                 self.validate(root, "SystemStructureParameterMapping.xsd", place)
         for entry in () if root is None else root.iterfind(f"{{{SSM}}}MappingEntry"):
@@ -790,21 +851,21 @@ class _Reader:
 
         Missing times are taken from its FMUs, with a warning.
         """
-        layer = self.result
+        draft = self.result
         experiment = root.find(f"{{{SSD}}}DefaultExperiment")
         if experiment is not None:
-            layer.start = self.number(experiment, "startTime", "0")
+            draft.start = self.number(experiment, "startTime", "0")
             if experiment.get("stopTime") is not None:
-                layer.stop = self.number(experiment, "stopTime")
+                draft.stop = self.number(experiment, "stopTime")
             for element in experiment.iter(f"{{{OSP}}}FixedStepAlgorithm"):
                 if element.get("baseStepSize"):
-                    layer.step = self.number(element, "baseStepSize")
+                    draft.step = self.number(element, "baseStepSize")
         for element in root.iterfind(
             f"{{{SSD}}}System/{{{SSD}}}Annotations//{{{OMS}}}FixedStepMaster"
         ):
-            if layer.step is None and element.get("stepSize"):
-                layer.step = self.number(element, "stepSize")
-        if layer.step is not None and layer.stop is not None:
+            if draft.step is None and element.get("stepSize"):
+                draft.step = self.number(element, "stepSize")
+        if draft.step is not None and draft.stop is not None:
             return
         fmus = dict.fromkeys(
             c.fmu for c in self.components.values() if c.fmu is not None
@@ -812,17 +873,35 @@ class _Reader:
         suggested = [(fmu.path, *_suggested(fmu)) for fmu in fmus]
         steps = [(step, path) for path, step, _ in suggested if step]
         stops = [(stop, path) for path, _, stop in suggested if stop]
-        if layer.step is None and steps:
-            layer.step, path = min(steps)
-            layer.guesses["step"] = (
-                f"{self.place}: no step: {layer.step:g} s of {path.name}, or --step"
+        if draft.step is None and steps:
+            draft.step, path = min(steps)
+            draft.guesses["step"] = (
+                f"{self.place}: no step: {draft.step:g} s of {path.name}, or --step"
             )
-        if layer.stop is None and stops:
-            layer.stop, path = max(stops)
-            layer.guesses["stop"] = (
-                f"{self.place}: no stop time: {layer.stop:g} s of {path.name}, or "
+        if draft.stop is None and stops:
+            draft.stop, path = max(stops)
+            draft.guesses["stop"] = (
+                f"{self.place}: no stop time: {draft.stop:g} s of {path.name}, or "
                 "--stop"
             )
+
+
+def _converted_value(
+    value: _Value, signal: Signal, place: str
+) -> Scalar | str | list[Scalar | str]:
+    """Convert a value that was given with a unit to the unit of its variable.
+
+    Raises DesatError if the units do not fit.
+    """
+    assert value.unit is not None
+    number, unit = value.value, value.unit
+    if isinstance(number, str) or unit == signal.unit_name:
+        return number
+    if not isinstance(number, list):
+        return in_unit_of(signal, number, unit, place)
+    return [
+        x if isinstance(x, str) else in_unit_of(signal, x, unit, place) for x in number
+    ]
 
 
 def _suggested(fmu: Fmu) -> tuple[float | None, float | None]:

@@ -185,7 +185,7 @@ class Described(Protocol):
 
     @property
     def components(self) -> Mapping[str, Any]:
-        """Return the components by name, whose `interface` may be None."""
+        """Return the components by name."""
 
 
 def dispersions_of(system: Described) -> dict[str, Dispersion]:
@@ -203,8 +203,7 @@ def _having(system: Described, variable: str) -> list[str]:
     return [
         name
         for name, component in system.components.items()
-        if component.interface is not None
-        and component.interface.elements.get(variable)
+        if component.interface.elements.get(variable)
     ]
 
 

@@ -30,6 +30,7 @@ from desat.fmus.meaning import COMPONENTS
 from ..campaign.draws import RunRow, draws
 from ..campaign.spread import Spread, spreads
 from ..files import identity, paths
+from ..files.build import build
 from ..files.io import replace_text
 from ..files.scenario import Scenario, families, scenarios
 from ..language.content import NOTHING
@@ -134,7 +135,7 @@ def digest(scenario: Scenario) -> str:
     DesatError
         If the scenario has no system.
     """
-    system = scenario.builder(blocks=True).system()
+    system = build(scenario, Options(blocks=True)).system()
     return identity.of_system(
         system, Options(blocks=True), scenario.each_draw, identity.JUDGED
     )

@@ -15,12 +15,14 @@ from desat.fmus.description import describe
 
 from ..engine.recording.results import frame_of
 from ..files import paths, reader, scenario
+from ..files.build import build
 from ..files.merge import origin
 from ..files.scenario import Scenario
 from ..numbers.measures import LATE, MEASURES
 from ..numbers.numbers import options_of
 from ..system.errors import DesatError, nearest
 from ..system.interface import Interface, Signal, interface_of_block, role_classes
+from ..system.options import Options
 from ..system.typed import JsonObject
 from . import validation
 
@@ -47,14 +49,14 @@ def _of_content(scenario_checked: Scenario, of_systems: bool) -> list[str]:
         wrong = validation.content_problems(scenario_checked.content, None)
         return [f"{scenario_checked.place(path)}: {text}" for path, text in wrong]
     try:
-        builder = scenario_checked.builder(blocks=True)
+        draft = build(scenario_checked, Options(blocks=True))
     except DesatError as error:
         return str(error).splitlines()
-    if builder.problems:
-        return builder.problems
-    system, _ = builder.build()
+    if draft.problems:
+        return draft.problems
+    system = draft.complete()
     wrong = validation.content_problems(
-        scenario_checked.content, builder.components, system
+        scenario_checked.content, draft.components, system
     )
     return [f"{scenario_checked.place(path)}: {text}" for path, text in wrong]
 

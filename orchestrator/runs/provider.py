@@ -7,6 +7,7 @@ functions of `LayerProvider`, which stands for it where it is absent.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import cache
 from typing import cast
 
 from ..files.scenario import Scenario
@@ -46,6 +47,7 @@ class LayerProvider:
         return ()
 
 
+@cache
 def provider() -> LayerProvider:
     """Return the module that provides designs, or its substitute."""
     found = discovery.load("providers")

@@ -35,6 +35,7 @@ from ..system.model import System
 from ..system.options import Options, as_arguments, from_json
 from ..system.schedule import schedule
 from . import stopping, substep_choice
+from .case import Case
 from .manifest import (
     check_identity,
     end_manifest,
@@ -43,7 +44,7 @@ from .manifest import (
     resumed,
     unrecorded,
 )
-from .prepare import Case, prepare
+from .prepare import prepare
 from .step_case import Outcome, step
 
 if TYPE_CHECKING:
@@ -302,15 +303,11 @@ def simulate(
 
 def _with_inner(case: Case, choice: SubstepChoice | None) -> Case:
     """Return the case with the chosen number of substeps."""
-    if choice is None or case.checked.system is None:
+    if choice is None or case.system is None:
         return case
-    system = replace(case.checked.system, substeps=choice.substeps)
-    checked = replace(
-        case.checked,
-        system=system,
-        schedule=schedule(system, case.options.breaks_loops),
-    )
-    return replace(case, checked=checked, manifest=None)
+    system = replace(case.system, substeps=choice.substeps)
+    order = schedule(system, case.options.breaks_loops)
+    return replace(case, system=system, schedule=order, manifest=None)
 
 
 def _tell(run: Run, choice: SubstepChoice, folder: Path | None) -> None:
@@ -344,7 +341,7 @@ def _simulate(
     system, _ = case.or_raise()
     options, clock = case.options, time.perf_counter()
     began = datetime.now(UTC)
-    warned = list(case.checked.warnings)
+    warned = list(case.warnings)
     if choice is not None and choice.estimate is None:
         warned += coverage.warnings(system)
     slow = None

@@ -24,8 +24,9 @@ from ..system.interface import selects
 from ..system.options import as_json
 from ..system.refusal import explain as refused
 from . import stopping
+from .case import Case
+from .isolation import isolated_in
 from .manifest import attributes, begin_manifest
-from .prepare import Case, isolated_in
 from .progress import progress as shown
 
 

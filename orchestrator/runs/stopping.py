@@ -33,7 +33,7 @@ from ..system.errors import DesatError, MisfitError, nearest
 from ..system.expression import factor, product
 from ..system.interface import Signal, find_elements
 from ..system.model import System
-from ..system.parameters import table, unit_of
+from ..system.parameters import unit_of
 
 # Result of `watch`, and status in the manifest, when the wall time limit is over.
 LATE = "timed out"
@@ -128,7 +128,7 @@ def _limit(
     own_unit, unit = signal.unit_name, stop_when.unit or signal.unit_name
     try:
         if isinstance(value, str):
-            number, of = product(value, table(system.components.values()))
+            number, of = product(value, system.parameters)
             value = number * factor(of, unit, f'of "{value}"')
         scale = (
             1.0

@@ -57,12 +57,16 @@ from ..engine.master import Master
 from ..engine.recording.recorder import Recorder
 from ..engine.recording.results import Results
 from ..files import library
+from ..files.scenario import Scenario
 from ..numbers.derived import pointing
 from ..system.errors import DesatError
 from ..system.model import AUTO, MOST_SUBSTEPS, Component, System, Values
 from ..system.options import Options
 from ..system.schedule import schedule
-from .prepare import Case, Target, isolated_in, prepare, to_isolate
+from .case import Case
+from .cases import Cases
+from .isolation import isolated_in, to_isolate
+from .prepare import prepare
 
 T = TypeVar("T")
 
@@ -150,7 +154,7 @@ def _choice_of(
 
 
 def choose_for_cases(
-    case: Case, source: Target, options: Options, values_of: Callable[[int], Values]
+    case: Case, cases: Cases, options: Options, values_of: Callable[[int], Values]
 ) -> SubstepChoice | None:
     """Choose the substeps that a case begins with, one of many with drawn values.
 
@@ -164,24 +168,26 @@ def choose_for_cases(
     if case.or_raise()[0].substeps != AUTO:
         return None
     key = repr((options, [sorted(values_of(k).items()) for k in range(SAMPLES)]))
-    if key not in source.substep_choices:
-        cases = [
+    if key not in cases.substep_choices:
+        samples = [
             replace(options, values={**options.values, **values_of(k)})
             for k in range(SAMPLES)
         ]
-        source.substep_choices[key] = _choice_for_all(source, cases)
-    return source.substep_choices[key]
+        cases.substep_choices[key] = _choice_for_all(cases.scenario, samples)
+    return cases.substep_choices[key]
 
 
-def _choice_for_all(source: Target, cases: Sequence[Options]) -> SubstepChoice | None:
+def _choice_for_all(
+    scenario: Scenario, samples: Sequence[Options]
+) -> SubstepChoice | None:
     """Choose what suffices for all of these cases; None where one has no estimate."""
     choices: list[SubstepChoice] = []
-    for options in cases:
+    for options in samples:
         try:
-            system, _ = prepare(source, options).or_raise()
+            system, _ = prepare(scenario, options).or_raise()
             if system.accuracy < LOOSE:
                 return None
-            choice = choose(source.text, system, options, for_others=True)
+            choice = choose(scenario.target, system, options, for_others=True)
         except DesatError:  # the other cases may be valid
             return None
         if choice is None or choice.why or choice.estimate is None:

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 from ..analyses import analyses
-from ..files.builder import Part as BuiltPart
 from ..language.content import Content, Entry
 from ..language.paper import OfNumber
 from ..language.scenario import Dispersion, LimitLine, Number, Plot, Requirement
@@ -26,15 +25,14 @@ from ..numbers.limits import limits_of
 from ..numbers.numbers import SeriesUnit, bind, check_words, scale
 from ..system.errors import DesatError, MisfitError, nearest
 from ..system.expression import Table
-from ..system.interface import KINDS, Signal, find_elements, selects
+from ..system.interface import KINDS, MISSING, Signal, find_elements, selects
 from ..system.model import Component, System
 from ..system.options import Options
-from ..system.parameters import expand, table
+from ..system.parameters import expand
 from . import stopping
 
 Keys = tuple[str, ...]
-Part = BuiltPart | Component
-Components = Mapping[str, Part]
+Components = Mapping[str, Component]
 Check = Callable[[], object]
 
 
@@ -46,7 +44,7 @@ def content_problems(
     Parameters
     ----------
     components
-        Components that the entries are bound to, some perhaps without interface; None:
+        Components that the entries are bound to, some perhaps MISSING their FMU; None:
         the words alone are checked.
     system
         System of these components, if they make one: values of parameters and analyses
@@ -65,7 +63,7 @@ def _checks(
     content: Content, components: Components | None, system: System | None
 ) -> Iterator[tuple[Keys, Check]]:
     """Yield the keys of each entry, and the function that binds it."""
-    parameters = None if system is None else table(system.components.values())
+    parameters = None if system is None else system.parameters
     for key in ("title", "description"):
         yield (key,), partial(check_axes, getattr(content, key), content)
     for name, number in content.numbers.items():
@@ -211,11 +209,11 @@ def bind_dispersion(key: str, spec: Dispersion, components: Components) -> None:
     owners = [owner]
     if owner == "*":
         owners = [
-            n
-            for n, c in components.items()
-            if c.interface and variable in c.interface.arrays
+            name
+            for name, component in components.items()
+            if variable in component.interface.arrays
         ]
-        if not owners and all(c.interface for c in components.values()):
+        if not owners and all(c.interface is not MISSING for c in components.values()):
             raise MisfitError(f"no component has a parameter {variable}")
     for name in owners:
         elements = find_elements(components, f"{name}.{variable}", "parameter", "input")
@@ -224,7 +222,7 @@ def bind_dispersion(key: str, spec: Dispersion, components: Components) -> None:
 
 
 def _check_dispersion(
-    part: Part, variable: str, elements: Sequence[Signal], spec: Dispersion
+    component: Component, variable: str, elements: Sequence[Signal], spec: Dispersion
 ) -> None:
     """Raise MisfitError if a parameter cannot have the values of a dispersion."""
     kind, count = spec.kind, len(elements)
@@ -243,10 +241,9 @@ def _check_dispersion(
                 f"{kind}: {variable} is of type {elements[0].kind}, not {type_}"
             )
         return
-    assert part.interface is not None
     for value in values:
         try:
-            expand(part.interface, variable, value, part.name)
+            expand(component.interface, variable, value, component.name)
         except DesatError as error:
             raise MisfitError(f"one_of: {error}") from error
 
@@ -334,10 +331,9 @@ def _lacks_series(system: System, name: str) -> bool:
 
 def _is_unbound(plot: Plot, limit: LimitLine, system: System) -> bool:
     """Return whether a plot with this limit alone does not bind."""
-    parameters = table(system.components.values())
     alone = plot.model_copy(update={"limits": (limit,)})
     try:
-        bind_plot(alone, system.components, parameters)
+        bind_plot(alone, system.components, system.parameters)
     except DesatError:
         return True
     return False

@@ -21,12 +21,13 @@ from desat.fmus.own import OwnBlockError, is_own
 from desat.fmus.registry import block_class, names
 
 from ..analyses.needs import instead
-from ..runs.prepare import Case, Target, prepare
+from ..files.scenario import Scenario
+from ..runs.case import Case
+from ..runs.prepare import prepare
 from ..system.errors import DesatError, nearest
 from ..system.expression import product, values_of
-from ..system.model import Component, System
+from ..system.model import Component, Parameter, System
 from ..system.options import Options
-from ..system.parameters import Parameter, table
 from ..system.sensors import KNOWN, noise_of
 
 ROLE = "manager"
@@ -105,7 +106,7 @@ def managers() -> list[str]:
 
 
 def fitting(
-    source: Target,
+    source: Scenario,
     options: Options,
     terms: Terms,
     names: Sequence[str] = (ALL,),
@@ -310,7 +311,7 @@ def _instead(need: Need, system: System, terms: Terms) -> str:
 
 def _table_of(system: System, manager: Component, terms: Terms) -> dict[str, Any]:
     """Return a system's parameters; `craft` has the terms of rules."""
-    known: dict[str, Any] = dict(table(system.components.values()))
+    known: dict[str, Any] = dict(system.parameters)
     law = _law_of(manager) if manager.interface.model in names() else None
     noise = noise_of(system)
 
@@ -333,7 +334,7 @@ def _table_of(system: System, manager: Component, terms: Terms) -> dict[str, Any
 
 
 def _fit(
-    source: Target,
+    source: Scenario,
     options: Options,
     own_manager: Component,
     manager: str,
@@ -347,7 +348,7 @@ def _fit(
     placed = options
     if manager != own_manager.interface.model:
         placed = replace(options, sources=[*options.sources, f"{ROLE}={manager}"])
-    system = prepare(source, placed).checked.system
+    system = prepare(source, placed).system
     if system is None:
         prepare(source, placed).or_raise()
         raise AssertionError("a case without a system has a problem")
@@ -400,6 +401,6 @@ def terms_of(period: float, b: Any, inertial: bool) -> Terms:
     return Terms(2.0 * pi / period, float(np.linalg.norm(b, axis=1).mean()), inertial)
 
 
-def prepare_with(source: Target, law: Fitting) -> Case:
+def prepare_with(source: Scenario, law: Fitting) -> Case:
     """Prepare a craft with a law that fits it."""
     return prepare(source, law.options)

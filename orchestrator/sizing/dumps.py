@@ -561,11 +561,11 @@ def _fly_loops(
     unmet = [f"in the closed loop: {line}" for line in run.manifest.not_met]
     worst_scenario = find_worst_scenario(read(target))
     if worst_scenario is not None:
-        progress(f"{worst_scenario.text}: what is usually worse")
+        progress(f"{worst_scenario.target}: what is usually worse")
         some = min(window, max(86400.0, steady.first + WORST_DUMPS * steady.interval))
-        worst = _fly_closed_loop(worst_scenario.text, options, step * ceil(some / step))
+        worst = _fly_closed_loop(worst_scenario.target, options, step * ceil(some / step))
         unmet += [
-            f"in {worst_scenario.text}: {line}" for line in worst.manifest.not_met
+            f"in {worst_scenario.target}: {line}" for line in worst.manifest.not_met
         ]
     likely = f" (likely by {'; '.join(causes)})" if causes else ""
     return dict(_numbers_of(run)), [f"{line}{likely}" for line in unmet]

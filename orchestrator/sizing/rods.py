@@ -21,7 +21,8 @@ from ..analyses.flight import (
 )
 from ..analyses.manifest import Manifest
 from ..campaign.draws import series_of_numbers
-from ..runs.prepare import Target, prepare
+from ..files.scenario import Scenario
+from ..runs.prepare import prepare
 from ..runs.run import Run, simulate
 from ..system.errors import DesatError
 from ..system.model import System
@@ -49,7 +50,7 @@ TRIES, CLOSE = 8, 1.1
 
 
 def other_laws(
-    source: Target, options: Options, terms: Terms, notes: list[str]
+    source: Scenario, options: Options, terms: Terms, notes: list[str]
 ) -> Iterator[Law]:
     """Yield the laws that fit the craft besides its own (`compatibility.py`).
 
@@ -64,7 +65,7 @@ def other_laws(
             without.append(each.name)
     if without:
         notes.append(
-            f"closed loop only, by `desat compare {source.text} --laws all`: {', '.join(without)}"
+            f"closed loop only, by `desat compare {source.target} --laws all`: {', '.join(without)}"
         )
 
 
@@ -326,7 +327,7 @@ def find_rods_of_laws(
 
 
 def find_rod_by_flights(
-    source: Target,
+    source: Scenario,
     options: Options,
     hardest: WorstDay,
     requirements: SizingRequirements,
@@ -368,7 +369,7 @@ def _is_enough(
 
 
 def find_rod_for_worst(
-    source: Target,
+    source: Scenario,
     options: Options,
     hardware: Hardware,
     rod: float | None,
@@ -452,7 +453,7 @@ def _find_larger(
 def add_closed_loop(
     curve: tuple[SizingPoint, ...],
     recommended: float | None,
-    source: Target,
+    source: Scenario,
     options: Options,
     system: System,
     own_law: Law | None,
@@ -488,13 +489,13 @@ def add_closed_loop(
 
 def in_the_loop(
     row: SizingPoint,
-    source: Target,
+    source: Scenario,
     options: Options,
     progress: Callable[[str], None] = lambda text: None,
 ) -> SizingPoint:
     """Fly the closed loop with a size of rods and add its results to the row."""
     progress(f"the closed loop with rods of {row.rod:.4g} A m2")
-    run = _with_rods(source, options, row.rod).or_raise(source.text)
+    run = _with_rods(source, options, row.rod).or_raise(source.target)
     system, _ = prepare(source, options).or_raise()
     with run.results as results:
         wheels = "wheels.h_wheel" in results.names()
@@ -513,7 +514,7 @@ def in_the_loop(
 
 
 def _with_rods(
-    source: Target,
+    source: Scenario,
     options: Options,
     rod: float,
     more: Callable[[System], Iterable[str]] = lambda system: (),
@@ -531,7 +532,7 @@ def _with_rods(
     system, _ = case.or_raise()
     if begin is not None:
         later = replace(system, start=begin, stop=begin + system.steps * system.step)
-        case = replace(case, checked=replace(case.checked, system=later))
+        case = replace(case, system=later)
     record = tuple(sorted({*series_for(system), *more(system)}))
     return simulate(
         replace(case, options=replace(case.options, record=record, every=1))

@@ -11,7 +11,9 @@ import numpy as np
 from ..analyses import attitude_loop, plausibility
 from ..analyses.flight import Flight, flight_of, series_for
 from ..files.paths import NOMINAL
-from ..runs.prepare import Case, Target, prepare, read
+from ..files.scenario import Scenario
+from ..runs.case import Case
+from ..runs.prepare import prepare, read
 from ..runs.run import simulate
 from ..system.errors import DesatError
 from ..system.interface import role_classes
@@ -106,13 +108,13 @@ def loop_roles() -> set[str]:
     return (sensors | {"controller"}) - {"tachometers"}
 
 
-def find_tip_off(source: Target, options: Options) -> float:
+def find_tip_off(source: Scenario, options: Options) -> float:
     """Return the rate after separation (rad/s).
 
     It is that of the scenario `detumbling.toml` beside a user's own craft, or TIP_OFF.
     """
-    file = source.scenario.file if source.scenario is not None else None
-    if file is None or not (there := file.parent / DETUMBLING).is_file():
+    there = source.file.parent / DETUMBLING
+    if source.is_system_file or not there.is_file():
         return TIP_OFF
     try:
         system, _ = prepare(read(str(there)), replace(options, stop=None)).or_raise()
@@ -123,17 +125,13 @@ def find_tip_off(source: Target, options: Options) -> float:
     )
 
 
-def find_worst_scenario(source: Target) -> Target | None:
+def find_worst_scenario(source: Scenario) -> Scenario | None:
     """Return the worst scenario of a user's own craft, or None.
 
     The source has to be the craft's nominal scenario.
     """
-    file = source.scenario.file if source.scenario is not None else None
-    if (
-        file is None
-        or file.name != NOMINAL
-        or not (there := file.parent / WORST).is_file()
-    ):
+    there = source.file.parent / WORST
+    if source.is_system_file or source.file.name != NOMINAL or not there.is_file():
         return None
     return read(str(there))
 

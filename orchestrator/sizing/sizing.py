@@ -124,7 +124,7 @@ def size(
             worst, options, hardware, recommended, model, progress
         )
         conditions.append(
-            RodsByCondition(f"{worst.text}, closed loop", {law: recommended})
+            RodsByCondition(f"{worst.target}, closed loop", {law: recommended})
         )
     if requirements.flown and 0.0 < least < inf:
         curve = add_closed_loop(
@@ -180,7 +180,7 @@ def size(
         recommended_day=day and round_up(day),
         worst_day="" if hardest is None else _describe_day(hardest, least),
         least_year=0.0 if hardest is None else max(least, hardest.least),
-        worst_scenario="" if worst is None else worst.text,
+        worst_scenario="" if worst is None else worst.target,
         weakest=tuple(geometry.weakest.tolist()),
         weakness=geometry.weakness,
         blind=geometry.blind,

@@ -24,6 +24,7 @@ from ..figures.plots import series_figure
 from ..numbers.text import Value, number, spell_unit
 from ..report.report import figures_of, render, write_page
 from ..report.table import ROW_UNIT, Column, Row, Table, or_not_reached
+from ..runs.cases import Cases
 from ..runs.prepare import prepare, read
 from ..runs.run import Options, Run, load_run, simulate
 from ..system.errors import DesatError
@@ -410,7 +411,7 @@ def paired_draws(
     for target in targets:
         if is_run(target):
             raise DesatError(f"{target}: a run cannot be sampled; name its scenario")
-    sources = [read(t) for t in targets]
+    sources = [Cases(read(t)) for t in targets]
     shared = [
         common(sources[0], other, seed, options, options) for other in sources[1:]
     ]

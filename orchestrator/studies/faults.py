@@ -25,11 +25,13 @@ from ..analyses.plausibility import mean_torque
 from ..analyses.sampling import mean_field, orbit_period
 from ..campaign.draws import RunRow, rows_of
 from ..files.io import replace_text
+from ..files.scenario import Scenario
 from ..language.content import content_of
 from ..numbers.numbers import late
 from ..numbers.text import number, spell_unit
 from ..report.table import Column, Row, Table
-from ..runs.prepare import Target, prepare, read
+from ..runs.cases import draft_to_draw
+from ..runs.prepare import prepare, read
 from ..runs.run import Options, simulate
 from ..system import discovery
 from ..system.craft import craft_of
@@ -62,7 +64,7 @@ class Contender:
     """A scenario under one law."""
 
     label: str
-    source: Target
+    source: Scenario
     options: Options
 
 
@@ -380,7 +382,7 @@ class _SampleRunner:
         rows = rows_of(
             tasks,
             self.jobs,
-            flights[0].contender.source.text,
+            flights[0].contender.source.target,
             self.progress,
             runner=JudgedSample,
         )
@@ -407,7 +409,7 @@ def _flights(
             if isinstance(found, str):
                 without[fault.title] = found
                 break
-            drawn = content_of(contender.source.to_draw(options.blocks).about)
+            drawn = content_of(draft_to_draw(contender.source, options.blocks).about)
             of_fault.append(Flight(fault, contender, *found, bool(drawn.dispersions)))
         else:
             flights += of_fault
@@ -491,7 +493,7 @@ def _tuned(
         return contender
     try:
         found = tune.tune(
-            contender.source.text,
+            contender.source.target,
             parameter,
             measured,
             contender.options,
@@ -522,7 +524,7 @@ def _check_numbers(
     for name in [*limits, *([] if measured is None else [measured])]:
         if name not in content.numbers and name != PEAK:
             raise DesatError(
-                f"{first.source.text}: no number {name}"
+                f"{first.source.target}: no number {name}"
                 f"{choices(name, (*content.numbers, PEAK))}"
             )
     chosen_one = measured or _usual_number(system)
@@ -531,7 +533,7 @@ def _check_numbers(
         if chosen_one not in (PEAK, *content_of(other.about).numbers):
             raise DesatError(
                 f"{contender.label}: it has no number {chosen_one}, by which "
-                f"{first.source.text} is judged; --number names another"
+                f"{first.source.target} is judged; --number names another"
             )
     return chosen_one
 
@@ -570,7 +572,10 @@ def _with_fault(
     Or the reason why the fault does not apply. A component is added to a copy of the
     craft in `folder`.
     """
-    target, system = contender.source.text, prepare(contender.source, contender.options)
+    target, system = (
+        contender.source.target,
+        prepare(contender.source, contender.options),
+    )
     values = changes_of(fault, system.or_raise()[0])
     if isinstance(values, str):
         return values
@@ -595,7 +600,7 @@ def _with_fault(
 
 def _with_component(
     fault: Fault,
-    source: Target,
+    source: Scenario,
     options: Options,
     added: Mapping[str, str],
     folder: Path,
@@ -605,29 +610,21 @@ def _with_component(
     Returns the target and the component's values, or why there can be none.
     """
     ((name, block),) = added.items()
-    scenario = source.scenario
-    file = None if scenario is None or scenario.file is None else scenario.file.parent
-    craft = next(
-        (
-            x / CRAFT
-            for x in (file, file and file.parent)
-            if x and (x / CRAFT).is_file()
-        ),
-        None,
-    )
-    if scenario is None or scenario.file is None or craft is None:
+    folders = (source.file.parent, source.file.parent.parent)
+    craft = next((x / CRAFT for x in folders if (x / CRAFT).is_file()), None)
+    if source.is_system_file or craft is None:
         return "a component is added to a craft by its craft.toml alone"
     text = craft.read_text(encoding="utf-8")
     if f"\n{name} =" in text:
         return f"the craft has a component {name} already"
     if COMPONENTS not in text:
         return f"{CRAFT} has no [components]"
-    target = folder / scenario.file.name
-    if craft.parent == scenario.file.parent:
+    target = folder / source.file.name
+    if craft.parent == source.file.parent:
         shutil.copytree(craft.parent, folder, ignore=shutil.ignore_patterns("runs"))
     else:  # a family of ours, whose scenarios lie in a folder beside it
         folder.mkdir()
-        replace_text(target, f'extends = "{scenario.name}"\n')
+        replace_text(target, f'extends = "{source.name}"\n')
     more = f'{COMPONENTS}{name} = "{block}"\n'
     unwired = re.compile(rf'^"\w+\.{TORQUE_INPUT}" = false\n', re.MULTILINE)
     text = unwired.sub("", text)  # a craft on which no such torque acts

@@ -25,10 +25,12 @@ from ..analyses.motion import period_of
 from ..campaign.draws import series_of_numbers
 from ..figures.canvas import Figure
 from ..figures.style import COLOURS, DASHED, figure
+from ..files.scenario import Scenario
 from ..language.content import content_of
 from ..numbers.text import number, spell_unit
 from ..report.table import Column, Table, or_not_reached
-from ..runs.prepare import Case, Target, prepare, read
+from ..runs.case import Case
+from ..runs.prepare import prepare, read
 from ..runs.run import Options, Run, simulate
 from ..sizing.compatibility import (
     ALL,
@@ -364,7 +366,7 @@ class _Measured:
 
     def __init__(
         self,
-        source: Target,
+        source: Scenario,
         laws: Sequence[Fitting],
         runs: Sequence[Run],
         progress: Callable[[str], None],
@@ -496,7 +498,7 @@ def plainness(law: Fitting) -> tuple[bool, bool, float]:
 
 
 def laws_of(
-    source: Target,
+    source: Scenario,
     options: Options,
     laws: Sequence[str],
     others: Sequence[str] = (),
@@ -518,19 +520,19 @@ def laws_of(
     values_of(system)  # checks that the roles exist
     _check_holding(source, system)
     progress("its own law")
-    first = _fly(case).or_raise(source.text)
+    first = _fly(case).or_raise(source.target)
     r, v, b, q = (first.results.values(s) for s in ORBIT)
     inertial = attitude_of(system, q, r, v).kind in ("inertial", "sun")
     terms = terms_of(period_of(r[0], v[0]), b, inertial)
     return first, *fitting(source, options, terms, laws, others)
 
 
-def _check_holding(source: Target, system: System) -> None:
+def _check_holding(source: Scenario, system: System) -> None:
     """Refuse a craft whose law brakes its rotation: the laws compared hold wheels."""
     manager = system.roles.get(ROLE)
     if manager is not None and is_braking(manager):
         raise DesatError(
-            f"{source.text}: {ROLE} = {manager.interface.model} brakes a tumbling craft, and "
+            f"{source.target}: {ROLE} = {manager.interface.model} brakes a tumbling craft, and "
             "the laws to compare keep the momentum of wheels low; compare two scenarios that "
             "brake instead, as `desat compare CRAFT/detumbling.toml CRAFT/rollout.toml`"
         )
@@ -564,7 +566,7 @@ def options_of_laws(
     return {law.name: _following(source, law) for law in found}
 
 
-def _following(source: Target, law: Fitting) -> Options:
+def _following(source: Scenario, law: Fitting) -> Options:
     """Return a law's options, with products in place of values that follow them."""
     component = prepare_with(source, law).or_raise()[0].components[ROLE]
     follows = {

@@ -18,6 +18,7 @@ from ..campaign.spread import Spread, spreads
 from ..language.content import content_of
 from ..numbers.text import number, spell_unit
 from ..report.table import Column, Row, Table
+from ..runs.cases import draft_to_draw
 from ..runs.prepare import prepare, read
 from ..runs.run import Options, Run
 from ..sizing.compatibility import ROLE, Fitting, Refused
@@ -56,7 +57,7 @@ class JudgedSample(SourceReader):
         With `draw` None nothing is drawn. `changes` are values that replace drawn ones.
         If `is_emptied`, only the time until the wheels are empty is measured.
         """
-        source = self.source(target)
+        cases = self.cases(target)
         is_own = not any(text.startswith(f"{ROLE}=") for text in options.sources)
         measures: dict[str, float | None] = {}
         not_met: list[str] = []
@@ -75,7 +76,7 @@ class JudgedSample(SourceReader):
 
         def values_of(k: int) -> Mapping[str, Any]:
             """Return the drawn values of a sample, without those of another law."""
-            values = draw_of(source.to_draw(options.blocks), seed, k)
+            values = draw_of(cases.draft(options.blocks), seed, k)
             return {
                 name: x
                 for name, x in values.items()
@@ -83,9 +84,9 @@ class JudgedSample(SourceReader):
             }
 
         values = {**({} if draw is None else values_of(draw)), **changes}
-        system, _ = prepare(source, options).or_raise()
+        system, _ = prepare(cases.scenario, options).or_raise()
         drawing = None if draw is None else values_of
-        row = ran(source, options, values, recorded(system), look, drawing)
+        row = ran(cases, options, values, recorded(system), look, drawing)
         return replace(
             row, number=draw, numbers={**row.numbers, **measures}, unmet=not_met
         )
@@ -231,7 +232,7 @@ def rank_samples(
             "--by torquer: the least torquer is found once for a craft, not for each "
             "sample: leave -n out"
         )
-    if not content_of(source.to_draw(options.blocks).about).dispersions:
+    if not content_of(draft_to_draw(source, options.blocks).about).dispersions:
         raise DesatError(
             f"{target}: it has no [dispersions], so there is nothing to sample"
         )

@@ -25,12 +25,14 @@ from ..analyses import analyses
 from ..campaign.draws import One, RunRow, rows_of
 from ..campaign.pairs import confident, difference
 from ..campaign.spread import Spread
+from ..files.scenario import Scenario
 from ..language.content import Content, content_of, overridden_by
 from ..numbers.numbers import late, ranks
 from ..numbers.text import number as text_of
 from ..numbers.text import spell_unit
 from ..report.table import Cell, Column, Table
-from ..runs.prepare import Target, prepare, read
+from ..runs.cases import Cases, draft_to_draw
+from ..runs.prepare import prepare, read
 from ..runs.run import Options
 from ..system.errors import DesatError, nearest, require
 from ..system.interface import Signal, names
@@ -213,7 +215,12 @@ def tune(
             for i in draw
         ]
         results = rows_of(
-            tasks, jobs, target, False, source, runner=JudgedSample if judged else One
+            tasks,
+            jobs,
+            target,
+            False,
+            Cases(source),
+            runner=JudgedSample if judged else One,
         )
         return [results[k : k + len(draw)] for k in range(0, len(results), len(draw))]
 
@@ -347,7 +354,7 @@ class _Search:
 
 
 def _parameter(
-    source: Target, options: Options, name: str
+    source: Scenario, options: Options, name: str
 ) -> tuple[Signal, float, str]:
     """Find a parameter, its value, and its unit under the law that flies.
 
@@ -372,7 +379,7 @@ def _parameter(
         raise DesatError(
             f"{name}: it is no Real: {', '.join(signal.choices) or signal.kind}"
         )
-    if drawn := overridden_by(source.to_draw(options.blocks), name):
+    if drawn := overridden_by(draft_to_draw(source, options.blocks), name):
         raise DesatError(f"{name}: {drawn[0]} is sampled, and so cannot be tuned")
     unit = None
     if (model := component.interface.model) in registry.names():

@@ -1,99 +1,23 @@
-"""Check a system for everything that can be wrong before it runs, for `desat check`."""
+"""Find what can be wrong with a system before it runs, a line each."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Set
+from dataclasses import dataclass
 from functools import lru_cache
-from types import MappingProxyType
 
 from desat.components.contract.block import Block, BlockError, Scalar
 from desat.fmus.registry import block_class, names
 
 from .errors import DesatError, nearest
 from .expression import names_in, values_of
-from .interface import base_name, computers, interface_of_block
+from .interface import Signal, base_name, computers, interface_of_block
 from .model import Component, System
-from .parameters import table
 from .refusal import REFUSES, explain
-from .schedule import Schedule, schedule
 
 
-@dataclass
-class Checked:
-    """Findings of a check.
-
-    `system` is set if it could be built, `schedule` if nothing prevents running it.
-    """
-
-    problems: list[str]
-    warnings: list[str]
-    notes: list[str] = field(default_factory=list)
-    # one line per component: inputs at their default, and unused outputs
-    unwired: dict[str, Unwired] = field(default_factory=dict)
-    system: System | None = None
-    schedule: Schedule | None = None
-
-    def or_raise(self) -> tuple[System, Schedule]:
-        """Return the system and its schedule.
-
-        Raises
-        ------
-        DesatError
-            If there are problems, with one line for each.
-        """
-        if self.problems or self.system is None or self.schedule is None:
-            raise DesatError("\n".join(self.problems))
-        return self.system, self.schedule
-
-
-def check(
-    system: System | None,
-    problems: Sequence[str] = (),
-    warnings: Sequence[str] = (),
-    origins: Mapping[str, str] = MappingProxyType({}),
-    breaks_loops: bool = False,
-) -> Checked:
-    """Check a system that was built.
-
-    Parameters
-    ----------
-    system
-        None if it could not be built.
-    problems, warnings
-        Found while it was built.
-    origins
-        Source of the class of each output.
-    breaks_loops
-        As for `schedule`.
-    """
-    checked = Checked(list(problems), list(warnings), system=system)
-    if system is None:
-        return checked
-    checked.problems += _inputs(system)
-    checked.warnings += _in_part(system)
-    checked.warnings += _at_start(system)
-    _shared(system, checked)
-    checked.problems += _samples(system)
-    checked.problems += _overrides(system, origins)
-    checked.unwired = unwired(system)
-    checked.problems += without_effect(system, checked.unwired)
-    foreseen, unusual = foresee(system, checked.unwired)
-    checked.problems += foreseen
-    checked.warnings += unusual
-    checked.notes += filter(None, (ends.text(n) for n, ends in checked.unwired.items()))
-    if not checked.problems:
-        checked.warnings += _follows(system)
-        try:
-            checked.schedule = schedule(system, breaks_loops)
-            checked.warnings += checked.schedule.warnings
-        except DesatError as error:
-            checked.problems += str(error).splitlines()
-    return checked
-
-
-def _inputs(system: System) -> Iterator[str]:
+def incomplete_inputs(system: System) -> Iterator[str]:
     """Find listed inputs of our roles without source or value, and arrays in part."""
     wired = {(c.target, c.input) for c in system.connections}
     for c in system.components.values():
@@ -112,7 +36,7 @@ def _inputs(system: System) -> Iterator[str]:
             )
 
 
-def _in_part(system: System) -> Iterator[str]:
+def partial_inputs(system: System) -> Iterator[str]:
     """Find arrays of foreign FMUs that are wired or given in part, a line each."""
     wired = {(c.target, c.input) for c in system.connections}
     for c in system.components.values():
@@ -148,7 +72,7 @@ def _missing_elements(
             yield array, missing
 
 
-def _at_start(system: System) -> Iterator[str]:
+def unset_inputs(system: System) -> Iterator[str]:
     """Find listed inputs of foreign FMUs without source or value.
 
     There is one line per component.
@@ -171,14 +95,33 @@ def _at_start(system: System) -> Iterator[str]:
             )
 
 
-def _shared(system: System, checked: Checked) -> None:
-    """Check that parameters declared as shared have equal values.
+def unequal_shared(system: System) -> Iterator[str]:
+    """Find parameters declared as shared whose values differ between components."""
+    for c, signal, owner, other in _differing(system):
+        if c.interface.role not in computers():
+            text = _compared(c, signal.name, owner, other)
+            yield f"{system.place}: {text}: the two must be equal"
 
-    All components with a shared parameter must agree on its value. A flight computer
-    may have another one: then its model is in error, which a warning says.
+
+def errors_of_models(system: System) -> Iterator[str]:
+    """Find shared parameters of flight computers that differ from the craft's.
+
+    The computer's model of the craft is in error then, which may be what is studied.
+    There is one line for each parameter of a component.
     """
+    lines: dict[tuple[str, str], str] = {}
+    for c, signal, owner, other in _differing(system):
+        if c.interface.role in computers():
+            place = c.origins.get(signal.array, f"{system.place}: default")
+            text = _compared(c, signal.name, owner, other)
+            line = f"{place}: {text}: what runs onboard errs about it"
+            lines.setdefault((c.name, signal.array), line)
+    yield from lines.values()
+
+
+def _differing(system: System) -> Iterator[tuple[Component, Signal, str, object]]:
+    """Yield component and parameter, and the component and value that it differs from."""
     values: dict[str, tuple[str, object]] = {}
-    err: dict[tuple[str, str], str] = {}
     # the craft comes first, because a computer's model describes it
     for c in sorted(
         system.components.values(), key=lambda c: c.interface.role in computers()
@@ -186,26 +129,18 @@ def _shared(system: System, checked: Checked) -> None:
         for signal in c.interface.parameters:
             if not signal.shared:
                 continue
-            value, name = c.values[signal.name], signal.array
+            value = c.values[signal.name]
             owner, other = values.setdefault(signal.name, (c.name, value))
-            if value == other:
-                continue
-            text = (
-                f"{c.name}.{signal.name} = {value}, but {owner}.{signal.name} = {other}"
-            )
-            if c.interface.role in computers():
-                place = c.origins.get(name, f"{system.place}: default")
-                err.setdefault(
-                    (c.name, name), f"{place}: {text}: what runs onboard errs about it"
-                )
-            else:
-                checked.problems.append(
-                    f"{system.place}: {text}: the two must be equal"
-                )
-    checked.warnings += err.values()
+            if value != other:
+                yield c, signal, owner, other
 
 
-def _follows(system: System) -> Iterator[str]:
+def _compared(c: Component, name: str, owner: str, other: object) -> str:
+    """Format the two values of a shared parameter."""
+    return f"{c.name}.{name} = {c.values[name]}, but {owner}.{name} = {other}"
+
+
+def values_of_another_craft(system: System) -> Iterator[str]:
     """Find parameters that differ from what they usually are for the craft.
 
     Blocks declare the usual product (`follows`). A scenario that extends another
@@ -213,7 +148,7 @@ def _follows(system: System) -> Iterator[str]:
     gives a product of parameters, if it gives neither side, or for values of no
     particular craft: 0 (off), and a multiple of the identity matrix.
     """
-    known = table(system.components.values())
+    known = dict(system.parameters)
     known |= {
         c.interface.role: known[c.name]
         for c in system.components.values()
@@ -258,7 +193,7 @@ def _of_no_craft(values: list[float]) -> bool:
     return not any(values) or values == matrix
 
 
-def _samples(system: System) -> Iterator[str]:
+def misfit_sample_times(system: System) -> Iterator[str]:
     """Check that sample times and delays are whole numbers of a component's steps.
 
     This applies to every sample time of a component that takes samples.
@@ -278,7 +213,7 @@ def _samples(system: System) -> Iterator[str]:
                 )
 
 
-def _overrides(system: System, origins: Mapping[str, str]) -> Iterator[str]:
+def wrong_output_classes(system: System, origins: Mapping[str, str]) -> Iterator[str]:
     """Check that overridden classes exist and belong to outputs.
 
     `origins` holds the source of each override.
@@ -342,7 +277,7 @@ def unwired(system: System) -> dict[str, Unwired]:
     return result
 
 
-def without_effect(system: System, open_ends: dict[str, Unwired]) -> Iterator[str]:
+def without_effect(system: System, open_ends: Mapping[str, Unwired]) -> Iterator[str]:
     """Find parameters and wired inputs that have no effect.
 
     There is one problem for each such variable and each variable that it needs but that
@@ -389,7 +324,7 @@ def _value_text(c: Component, name: str) -> str:
 
 
 def foresee(
-    system: System, open_ends: dict[str, Unwired]
+    system: System, open_ends: Mapping[str, Unwired]
 ) -> tuple[list[str], list[str]]:
     """Return the problems and warnings that are known before a run, a line each."""
     problems: list[str] = []

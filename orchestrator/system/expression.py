@@ -21,8 +21,8 @@ from desat.components.contract.units import Unit, conversion, times
 
 from .errors import DesatError, nearest, require
 from .interface import Signal, base_name, computers
-from .model import Component
-from .parameters import Parameter, expand, table, unit_of
+from .model import Component, Parameter, table
+from .parameters import expand, unit_of
 
 # Component -> parameter, as in a manifest.
 Table = Mapping[str, Mapping[str, Parameter]]

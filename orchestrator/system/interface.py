@@ -139,6 +139,10 @@ class Interface:
         return (s for s in self.signals.values() if s.causality == causality)
 
 
+# of a component whose FMU is missing, which is a problem already
+MISSING = Interface("", "", {})
+
+
 def apart(outputs: Iterable[Signal]) -> dict[str, Signal]:
     """Find outputs that cannot form one series with the rest of their array.
 
@@ -308,11 +312,11 @@ def misfit(outputs: dict[str, Signal], inputs: dict[str, Signal]) -> str:
 
 
 class HasInterface(Protocol):
-    """A component, also while its system is being built."""
+    """A component, or something else with its variables."""
 
     @property
-    def interface(self) -> Interface | None:
-        """Return its variables; None if its FMU is missing."""
+    def interface(self) -> Interface:
+        """Return its variables."""
 
 
 def find_elements(
@@ -329,7 +333,7 @@ def find_elements(
     """
     owner, _, variable = name.partition(".")
     interface = look_up(owner, components, "no component").interface
-    if interface is None:
+    if interface is MISSING:
         return ()
     elements = interface.elements.get(variable, ())
     is_right = bool(elements) and elements[0].causality in causalities

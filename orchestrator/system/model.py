@@ -1,13 +1,12 @@
 """Represent a system of components, which a master runs, as immutable data.
 
-It may come from any kind of file: `layer.py` holds what is read from files, and
-`files/builder.py` builds a `System` from it.
+It may come from any kind of file: `files/build.py` builds a `System` from it.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Set
+from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import cached_property
@@ -17,7 +16,7 @@ from typing import Any, Literal, Protocol
 from desat.components.contract.block import Scalar
 
 from .body import Body
-from .interface import Interface, OutputClass, base_name
+from .interface import Interface, OutputClass, Signal, base_name
 
 J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)  # origin of `epoch_j2000`
 AUTO: Literal["auto"] = "auto"
@@ -125,18 +124,16 @@ class Component:
     source: str
     interface: Interface
     # scalar values by element name, in the variable's own unit; may include inputs
-    parameters: Mapping[str, Scalar] = field(default_factory=dict)
+    parameters: dict[str, Scalar] = field(default_factory=dict)
     fmu: Fmu | None = None  # None: it is the bare block of the interface's name
     step_ratio: int = 1  # steps of the master for each step of the component
     # connectors that an SSD lists
     connectors: Mapping[str, Connector] = field(default_factory=dict)
     line: int = 0
     # source of a variable's value: name -> file and key, or option
-    origins: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
+    origins: dict[str, str] = field(default_factory=dict, compare=False, repr=False)
     # parameters that are given as products of others: `gain_matrix = "shared.inertia"`
-    references: Mapping[str, str] = field(
-        default_factory=dict, compare=False, repr=False
-    )
+    references: dict[str, str] = field(default_factory=dict, compare=False, repr=False)
 
     @cached_property
     def values(self) -> Values:
@@ -160,6 +157,42 @@ class Component:
         Without choices it is the value as text.
         """
         return str(self.interface.signals[name].named(self.values[name]))
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """Parameter of a component in the form that people read."""
+
+    value: Any  # a number, a text, or a list of an array's elements
+    unit: str
+    given: bool = False  # whether the scenario gave it
+    text: str = ""
+
+
+def table(components: Iterable[Component]) -> dict[str, dict[str, Parameter]]:
+    """Collect every parameter of every component."""
+    parameters: dict[str, dict[str, Parameter]] = {}
+    for c in components:
+        elements: dict[str, list[Signal]] = {}
+        for s in c.interface.signals.values():
+            if s.causality == "parameter" or s.name in c.parameters:
+                elements.setdefault(s.array, []).append(s)
+        if elements:
+            parameters[c.name] = {
+                name: _parameter(c, name, of) for name, of in elements.items()
+            }
+    return parameters
+
+
+def _parameter(component: Component, name: str, elements: list[Signal]) -> Parameter:
+    """Build the readable form of a parameter, with choices by name."""
+    set_values, first = component.parameters, elements[0]
+    values = [set_values.get(s.name, s.start) for s in elements]
+    if first.choices:
+        values = [first.named(value) for value in values]
+    is_given = not set_values.keys().isdisjoint([s.name for s in elements])
+    value = values[0] if first.name == name else values
+    return Parameter(value, first.unit_name, is_given, first.description)
 
 
 class About(Protocol):
@@ -239,3 +272,8 @@ class System:
         object.__setattr__(
             self, "read", {(c.source, c.output_array) for c in self.connections}
         )
+
+    @cached_property
+    def parameters(self) -> Mapping[str, Mapping[str, Parameter]]:
+        """Return every parameter of every component, by component and name."""
+        return table(self.components.values())

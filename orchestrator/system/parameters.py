@@ -9,8 +9,7 @@ import math
 import re
 import sys
 import tomllib
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any, cast
 
 from desat.components.contract import units
@@ -324,42 +323,6 @@ def bare_block(component: Component) -> Any:
     block.access([signals[n].reference for n in values]).write(list(values.values()))
     block.check()
     return block
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """Parameter of a component in the form that people read."""
-
-    value: Any  # a number, a text, or a list of an array's elements
-    unit: str
-    given: bool = False  # whether the scenario gave it
-    text: str = ""
-
-
-def table(components: Iterable[Component]) -> dict[str, dict[str, Parameter]]:
-    """Collect every parameter of every component."""
-    parameters: dict[str, dict[str, Parameter]] = {}
-    for c in components:
-        elements: dict[str, list[Signal]] = {}
-        for s in c.interface.signals.values():
-            if s.causality == "parameter" or s.name in c.parameters:
-                elements.setdefault(s.array, []).append(s)
-        if elements:
-            parameters[c.name] = {
-                name: _parameter(c, name, of) for name, of in elements.items()
-            }
-    return parameters
-
-
-def _parameter(component: Component, name: str, elements: list[Signal]) -> Parameter:
-    """Build the readable form of a parameter, with choices by name."""
-    set_values, first = component.parameters, elements[0]
-    values = [set_values.get(s.name, s.start) for s in elements]
-    if first.choices:
-        values = [first.named(value) for value in values]
-    is_given = not set_values.keys().isdisjoint([s.name for s in elements])
-    value = values[0] if first.name == name else values
-    return Parameter(value, first.unit_name, is_given, first.description)
 
 
 def in_unit_of(signal: Signal, value: Scalar, unit: Unit | str, place: str) -> Scalar:

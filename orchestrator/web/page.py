@@ -27,6 +27,7 @@ from ..figures.craft import DIRECTIONS
 from ..figures.plots import elements_of
 from ..figures.style import COLOURS, LIMIT, time_axis
 from ..files import io
+from ..files.scenario import Scenario
 from ..language.content import Content, content_of
 from ..language.scenario import Number, Plot
 from ..numbers import derived
@@ -40,7 +41,7 @@ from ..report.report import data_element, render
 from ..report.scene import sources_of
 from ..runs import substep_choice
 from ..runs.drawings import craft_of_system
-from ..runs.prepare import Target, prepare, read
+from ..runs.prepare import prepare, read
 from ..runs.stopping import condition as condition_of
 from ..system.craft import carrier
 from ..system.errors import DesatError
@@ -48,7 +49,7 @@ from ..system.expression import Table, factor, product
 from ..system.interface import KINDS
 from ..system.model import System
 from ..system.options import Options, as_arguments, sets_of
-from ..system.parameters import table, unit_of
+from ..system.parameters import unit_of
 from ..system.typed import JsonObject
 from ..system.wheels import axes_of, existing, smallest_capacity
 from . import module
@@ -104,7 +105,7 @@ class _LawSystem:
     @property
     def known(self) -> Table:
         """Return the parameters of the system."""
-        return table(self.system.components.values())
+        return self.system.parameters
 
 
 @dataclass(frozen=True)
@@ -195,7 +196,7 @@ def export(
 
 
 def _prepare_law(
-    target: str, source: Target, name: str, options: Options
+    target: str, source: Scenario, name: str, options: Options
 ) -> _LawSystem:
     """Prepare a law of a target and choose its substeps.
 
@@ -209,11 +210,11 @@ def _prepare_law(
         options = replace(options, substeps=choice.substeps, accuracy=None)
     ordered = follows(system)
     values = dict(numbers_of(system))
-    return _LawSystem(name, options, system, ordered, values, case.checked.warnings)
+    return _LawSystem(name, options, system, ordered, values, case.warnings)
 
 
 def _sliders(
-    source: Target,
+    source: Scenario,
     law_systems: Sequence[_LawSystem],
     requests: Sequence[str],
     notes: list[str],
@@ -236,7 +237,7 @@ def _sliders(
 
 
 def _is_possible(
-    slider: Slider, source: Target, law: _LawSystem, notes: list[str]
+    slider: Slider, source: Scenario, law: _LawSystem, notes: list[str]
 ) -> bool:
     """Return whether a page can move a slider of a law; the reason becomes a note.
 

@@ -13,7 +13,8 @@ from desat.components.physics.orbit import EARTH_RADIUS
 from desat.fmus.registry import block_class, names
 
 from ..analyses.management import is_braking
-from ..runs.prepare import Target, prepare
+from ..files.scenario import Scenario
+from ..runs.prepare import prepare
 from ..system.errors import DesatError, nearest
 from ..system.interface import Signal, base_name
 from ..system.model import System, Values
@@ -452,7 +453,7 @@ def _round(value: float, digits: int = 6) -> float:
 
 def refused(
     slider: Slider,
-    target: Target,
+    target: Scenario,
     options: Options,
     system: System,
     ordered: list[dict[str, Any]],

@@ -7,7 +7,7 @@ from typing import Any
 
 from ..system.expression import Table, entry, is_name, parsed, product, scale_of
 from ..system.model import System, Values
-from ..system.parameters import table, unit_of
+from ..system.parameters import unit_of
 from ..system.typed import JsonObject
 
 # `factors`: operator `*` or `/`, and a number, or a parameter and its element (0:
@@ -52,7 +52,7 @@ def follows(system: System) -> list[JsonObject]:
     Each has its name, its expression (`of`), its number of elements (`count`, 0: no
     array), and whether it equals another one (`whole`).
     """
-    known = table(system.components.values())
+    known = system.parameters
     waiting = {
         f"{c.name}.{name}": _reference(system, c.name, name, text, known)
         for c in system.components.values()
@@ -95,7 +95,7 @@ def reached(moved: Set[str], ordered: list[JsonObject]) -> set[str]:
 
 def numbers_of(system: System) -> Iterator[tuple[str, Any]]:
     """Yield every numeric parameter: its name, and its number or list of elements."""
-    for owner, parameters in table(system.components.values()).items():
+    for owner, parameters in system.parameters.items():
         for name, of in parameters.items():
             values = of.value if isinstance(of.value, list) else [of.value]
             if all(isinstance(x, (int, float)) for x in values):
@@ -110,7 +110,7 @@ def differing(a: System, b: System) -> set[str]:
 
 def _all(system: System) -> Values:
     """Return the values of all parameters by name."""
-    known = table(system.components.values())
+    known = system.parameters
     return {
         f"{owner}.{n}": p.value for owner, of in known.items() for n, p in of.items()
     }

@@ -15,7 +15,7 @@ from ..console import Sections, app, err, example, out, print_json, print_table
 
 if TYPE_CHECKING:
     from ...files.inspection import InspectedFmu
-    from ...system.check import Checked
+    from ...runs.case import Case
 
 # options without meaning for a single FMU
 OF_SYSTEMS = (
@@ -113,7 +113,7 @@ def check(
         raise typer.Exit(Exit.UNMET)
 
 
-def _timing_of(checked: Checked) -> dict[str, str]:
+def _timing_of(checked: Case) -> dict[str, str]:
     """Return when each connection moves its value, by the connection's text."""
     schedule = checked.schedule
     return {
@@ -123,7 +123,7 @@ def _timing_of(checked: Checked) -> dict[str, str]:
     }
 
 
-def _print_as_json(checked: Checked) -> None:
+def _print_as_json(checked: Case) -> None:
     """Print what a check has found as JSON."""
     print_json(
         {
@@ -138,7 +138,7 @@ def _print_as_json(checked: Checked) -> None:
     )
 
 
-def _print_checked(checked: Checked, target: str, with_schedule: bool) -> None:
+def _print_checked(checked: Case, target: str, with_schedule: bool) -> None:
     """Print what a check has found, and the order of steps where it is wanted."""
     for problem in checked.problems:
         err.print(problem)

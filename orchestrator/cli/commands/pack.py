@@ -88,8 +88,8 @@ def _pack(name: str, fmus: str, arrays: bool, tell: Callable[[str], None]) -> Pa
     """Pack what a name, a file or a folder names."""
     from ...runs.prepare import read
 
-    scenario = read(name).scenario
-    if scenario is None:
+    scenario = read(name)
+    if scenario.is_system_file:
         return _pack_system(name, fmus, arrays)
     return _pack_scenario(scenario, _place_of(name), True, fmus, arrays, tell)
 

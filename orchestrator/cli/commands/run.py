@@ -154,11 +154,11 @@ def run(
     case.or_raise()
     with _run_folder(target, folder) as place:
         if short := check_disk(case.or_raise()[0], options, place.absolute()):
-            case.checked.warnings.append(short)
-        warn(case.checked.warnings)
+            case.warnings.append(short)
+        warn(case.warnings)
         finished = simulate(case, place, progress=not as_json, partial=True)
         _tell_isolation(case, finished, as_json)
-        warn(finished.manifest.warnings[len(case.checked.warnings) :])
+        warn(finished.manifest.warnings[len(case.warnings) :])
         conclude(
             finished,
             options,
@@ -173,7 +173,7 @@ def run(
 def _tell_isolation(case: Case, finished: Run, as_json: bool) -> None:
     """Print which FMUs ran in processes of their own, and the cost of that a step."""
     from ...engine.instances.isolated import cost_of_a_turn
-    from ...runs.prepare import isolated_in
+    from ...runs.isolation import isolated_in
 
     system, _ = case.or_raise()
     if as_json or not (names := sorted(isolated_in(system, case.options))):

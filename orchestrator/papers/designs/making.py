@@ -15,7 +15,7 @@ from ...system.errors import DesatError
 from ...system.model import System
 from ...system.options import NOW, Options
 from . import MadeDesign, Parameters, kinds
-from .origin import TABLE, builder_of, design_of, made_of, names_of, owner, system_of
+from .origin import TABLE, case_for, design_of, made_of, names_of, owner, system_of
 
 PACKAGES = ("desat", "numpy", "scipy")
 COMMON = ("of", "assume", "each_draw")
@@ -57,7 +57,7 @@ def design(scenario: Scenario, options: Options | None = None) -> MadeDesign:
         If it cannot be made.
     """
     options = options or Options()
-    system, _ = builder_of(scenario, options).check().or_raise()
+    system, _ = case_for(scenario, options).or_raise()
     kind = next((k for k in kinds() if k.applies(system)), None)
     if kind is None:
         raise DesatError(f"{scenario.name}: {_no_kind(system)}")

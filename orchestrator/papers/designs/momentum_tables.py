@@ -47,7 +47,7 @@ from ...system.model import Component, System
 from ...system.options import Options
 from ...system.parameters import bare_block
 from . import MadeDesign, Parameters
-from .origin import builder_of
+from .origin import case_for
 from .origin import design_of as asked_of
 
 # Desaturation period (s) of H_NOM, half an orbit of 500 km in whole samples of 50 s;
@@ -96,7 +96,7 @@ def applies(system: System) -> bool:
 
 def make(scenario: Scenario, options: Options) -> MadeDesign:
     """Compute the tables of a scenario's manager."""
-    system, _ = builder_of(scenario, options).check().or_raise()
+    system, _ = case_for(scenario, options).or_raise()
     manager = system.components["manager"]
     dt = float(_value(manager, "sample_time"))
     period = round(HALF_ORBIT / dt)

@@ -13,16 +13,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ...files import layers
-from ...files.builder import Builder
+from ...files.build import build
+from ...files.draft import Assignment
 from ...files.reader import design
 from ...files.scenario import Scenario, find
 from ...language.scenario import Design, DesignFile
-from ...system.interface import base_name
-from ...system.layer import Layer, Value
+from ...runs.case import Case
+from ...runs.checks import run_checks
+from ...system.interface import MISSING, base_name
 from ...system.model import Connection, System
 from ...system.options import Options
-from ...system.parameters import parse_assignment, table
+from ...system.parameters import parse_assignment
 
 TABLE = "made_of"
 
@@ -33,21 +34,23 @@ def design_of(scenario: Scenario) -> Design:
     return scenario.content.design
 
 
-def builder_of(scenario: Scenario, options: Options, designed: bool = False) -> Builder:
-    """Begin the system, on bare blocks, that a scenario's design is made for.
+def case_for(scenario: Scenario, options: Options, designed: bool = False) -> Case:
+    """Build and check the system, on bare blocks, that a scenario's design is made for.
 
     It has the values of `options`, then those that [design] assumes. With `designed` it
     has the stored design and nothing assumed.
     """
-    name, assumed = scenario.name, Layer(scenario.name)
+    on_blocks = replace(options, blocks=True)
+    draft = build(scenario, on_blocks, None if designed else {})
     if scenario.content.design is not None and not designed:
-        assumed.values = [
-            Value(owner, variable, value, name, name, raises=True)
+        draft.assign(
+            Assignment(owner, variable, value, scenario.name)
             for owner, values in scenario.content.design.assume.items()
             for variable, value in values.items()
-        ]
-    builder = scenario.builder(blocks=True, designed=designed)
-    return builder.add(layers.of_options(replace(options, blocks=True)), assumed)
+        )
+    case = Case.of_draft(scenario, on_blocks, draft)
+    run_checks(case, "structure")
+    return case
 
 
 LONGEST = 12  # an array longer than this is stored as a digest
@@ -63,7 +66,7 @@ def system_of(scenario: Scenario, options: Options) -> System:
     DesatError
         If it cannot be resolved.
     """
-    return builder_of(scenario, replace(options, sources=[])).system()
+    return case_for(scenario, replace(options, sources=[])).or_raise()[0]
 
 
 def made_of(
@@ -110,7 +113,7 @@ def made_of(
         values[f"source.{c.name}"] = Path(c.source).stem
         if c.step_ratio > 1:
             values[f"step_ratio.{c.name}"] = c.step_ratio
-    for name, rows in table(system.components.values()).items():
+    for name, rows in system.parameters.items():
         for k, entry in rows.items():
             if known is None or entry.given or f"{name}.{k}" in known:
                 values[f"{name}.{k}"] = _short_form(entry.value)
@@ -146,12 +149,13 @@ def owner(scenario: Scenario, options: Options) -> tuple[Scenario, Options, list
     if not (of := design_of(scenario).of):
         return scenario, options, []
     other = find(f"{scenario.family}/{of}")
-    components = other.builder(blocks=True, designed=False).components
+    components = build(other, Options(blocks=True), {}).components
     strange: list[str] = []
 
     def known(name: str, variable: str) -> bool:
         """Return whether the owner has a variable; note it if not."""
-        if name in components and components[name].elements(base_name(variable)):
+        interface = components[name].interface if name in components else MISSING
+        if base_name(variable) in interface.elements:
             return True
         strange.append(f"{name}.{variable}")
         return False

@@ -30,7 +30,7 @@ from ...system.errors import DesatError, nearest
 from ...system.model import Component
 from ...system.options import Options
 from ...system.parameters import bare_block, expand
-from .origin import builder_of
+from .origin import case_for
 
 Array = NDArray[np.floating[Any]]
 MOMENTUM, DIPOLE = "spacecraft.h_copy_wheel", "torquers.m_mean_body"
@@ -73,8 +73,8 @@ class Plant:
     def __init__(
         self, scenario: Scenario, options: Options | None = None, designed: bool = False
     ) -> None:
-        builder = builder_of(scenario, options or Options(), designed)
-        self.system, self._schedule = builder.check().or_raise()
+        case = case_for(scenario, options or Options(), designed)
+        self.system, self._schedule = case.or_raise()
         self.settings = scenario.content.design or Design()
         spacecraft = self._bare("spacecraft")
         if not isinstance(spacecraft, SpacecraftFixedAttitude):
