@@ -21,14 +21,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import test_native
-import test_platforms
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from desat.engine import compiled
 from desat.files import paths
 from desat.fmus import native
 from desat.fmus.compiler import compiler
 from desat.runs.run import Options, execute, prepare
+from tests.fmus import test_native, test_platforms
 
 SCENARIOS = (
     "nadir_day/day-igrf",

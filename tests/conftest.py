@@ -33,26 +33,13 @@ ROOT = Path(__file__).resolve().parent.parent
 
 # --- rooms behind walls: the package works without them -------------------------------
 
-TESTS_OF = {
-    "papers": (
-        *(
-            "alsat1",
-            "hausat2",
-            "integrated",
-            "magnetic",
-            "not_reached",
-            "space_telescope",
-        ),
-        *("pages", "tables_uosat12"),
-    ),
-    "web": ("web",),
-}
+TESTS_OF = {"papers": ("papers", "site/test_pages.py"), "web": ("web",)}
 ABSENT = [
     package
     for package in TESTS_OF
     if importlib.util.find_spec(f"desat.{package}") is None
 ]
-collect_ignore = [f"test_{name}.py" for package in ABSENT for name in TESTS_OF[package]]
+collect_ignore = [path for package in ABSENT for path in TESTS_OF[package]]
 
 
 class AbsentModule:
@@ -147,8 +134,8 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Say whether the tests in a browser ran, and which tests did not for want of a
     room."""
     for package in ABSENT:
-        files = ", ".join(f"test_{name}.py" for name in TESTS_OF[package])
-        terminalreporter.write_line(f"desat.{package} is absent: not run: {files}")
+        places = ", ".join(f"tests/{path}" for path in TESTS_OF[package])
+        terminalreporter.write_line(f"desat.{package} is absent: not run: {places}")
     reports = {
         way: [
             report

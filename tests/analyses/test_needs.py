@@ -4,7 +4,6 @@ what they need, values that are unusual, models onboard that err."""
 from __future__ import annotations
 
 import pytest
-from conftest import ROOT
 
 from desat.components.contract.block import Block, BlockError, Parameter
 from desat.components.maths.allocation import gives
@@ -14,6 +13,7 @@ from desat.fmus.registry import block_class, names
 from desat.runs.run import Options, prepare
 from desat.system.errors import Exit
 from desat.system.interface import interface_of_block
+from tests.conftest import ROOT
 
 DAY, NADIR, COMBINED = (
     "nadir_day/day-igrf",

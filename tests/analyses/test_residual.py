@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_campaign_doubts import fly
 from typer.testing import CliRunner
 
 from benchmarks.validation import calibration
@@ -24,6 +23,7 @@ from desat.engine.instances.base import ComponentError
 from desat.engine.master import Master
 from desat.runs.run import Options, execute, resume
 from desat.system.errors import Exit
+from tests.campaign.test_refusals import fly
 
 BALANCES = set(energy.NUMBERS)
 

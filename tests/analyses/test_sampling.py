@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import started
 
 from desat.analyses import sampling
 from desat.begin.craft import write
@@ -16,6 +15,7 @@ from desat.numbers.derived import pointing
 from desat.runs.checking import check
 from desat.runs.prepare import prepare
 from desat.runs.run import Options, execute
+from tests.conftest import started
 
 FOREIGN = '''"""A guidance that gives a reference alone, as a foreign one does."""
 

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import started
 
 import desat as library
 from desat.begin.craft import write
@@ -27,6 +26,7 @@ from desat.sizing.sizing import size as size_of
 from desat.system.errors import DesatError
 from desat.system.options import Options
 from desat.system.parameters import expand
+from tests.conftest import started
 
 
 def table(*rows: tuple[float, ...]) -> tuple[float, ...]:

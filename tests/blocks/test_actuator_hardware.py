@@ -9,10 +9,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_actuators import IDEAL, LIMITED, PULSED, SKEWED, begin, moments_of, run
 
 from desat.components.contract.block import BlockError
 from desat.components.physics import rod
+from tests.blocks.test_actuators import (
+    IDEAL,
+    LIMITED,
+    PULSED,
+    SKEWED,
+    begin,
+    moments_of,
+    run,
+)
 
 CURRENT, VOLTAGE = range(2)
 amount = st.floats(-15, 15)

@@ -8,11 +8,11 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from test_blocks import begin, fresh
 
 from desat.components.laws import attitude_control
 from desat.components.maths import attitude
 from desat.components.physics import orbit
+from tests.contract.test_block import begin, fresh
 
 TURN = attitude.normalised((0.3, -0.5, 0.2, 0.8))
 

@@ -9,12 +9,12 @@ import math
 
 import numpy as np
 import pytest
-from test_blocks import begin, fresh
 
 import desat
 from desat.components.bases import sensing
 from desat.components.maths import attitude, noise
 from desat.runs.run import Options, prepare
+from tests.contract.test_block import begin, fresh
 
 Q = attitude.normalised((0.3, -0.5, 0.2, 0.8))
 N = 20000

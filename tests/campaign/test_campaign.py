@@ -19,11 +19,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import but
-from dying import dies_or_not
 from scipy.special import ndtr
 from scipy.stats import spearmanr
-from test_failures import FAILURES, binary, drawn_to_fail  # noqa: F401
 
 import desat
 from desat.campaign import case as case_module
@@ -43,6 +40,9 @@ from desat.runs.prepare import read as read_source
 from desat.runs.run import simulate
 from desat.system.errors import DesatError, Exit
 from desat.system.options import Options
+from tests.conftest import but
+from tests.dying import dies_or_not
+from tests.engine.test_failures import FAILURES, binary, drawn_to_fail  # noqa: F401
 
 COUNT = 200
 RATE = """

@@ -6,7 +6,6 @@ import json
 import re
 
 import pytest
-from conftest import module_of
 
 from desat.campaign.draws import Draws, RunRow, axes_of, draws, one, sweep
 from desat.campaign.pairs import common, differences, each_draw
@@ -14,6 +13,7 @@ from desat.campaign.spread import Spread
 from desat.runs.prepare import read
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
+from tests.conftest import module_of
 
 NAME = "integrated/mil-nadir"
 SHORT = Options(blocks=True, stop=100.0)

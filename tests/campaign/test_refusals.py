@@ -13,7 +13,6 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from scipy.stats import beta
-from test_campaign import RATE as OWN_SCENARIO
 
 import desat
 from desat.campaign import case, coordinator, judged, pairs, report, store
@@ -22,6 +21,7 @@ from desat.campaign.plan import joined
 from desat.language.scenario import Requirement
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError, Exit, RunError
+from tests.campaign.test_campaign import RATE as OWN_SCENARIO
 
 DRAWN = "wheels.h_start_wheel"
 

@@ -15,7 +15,6 @@ from math import pi, sqrt
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, python
 from typer.main import get_command
 
 from desat import cli
@@ -30,6 +29,7 @@ from desat.report.table import Column, Table
 from desat.system.errors import Exit
 from desat.system.options import Options
 from desat.system.quantity import Quantity
+from tests.conftest import ROOT, python
 
 NAME = "uosat12/table3-ocdc-ilqr-1"
 

@@ -23,10 +23,7 @@ from types import SimpleNamespace
 import h5py
 import numpy as np
 import pytest
-from conftest import module_of
-from fuzz import commands
 from rich.table import Table
-from test_verdicts import FAILED, LATE_ONE, UNMET, WELL, cell
 
 from desat import cli
 from desat.analyses import coverage, energy, fixed, residual
@@ -55,6 +52,9 @@ from desat.sizing import sizing
 from desat.studies import compare, ranking
 from desat.system.errors import DesatError, Exit, RunError, nearest, plain
 from desat.system.options import Options
+from tests.conftest import module_of
+from tests.fuzz import commands
+from tests.numbers.test_verdicts import FAILED, LATE_ONE, UNMET, WELL, cell
 
 tables = module_of("desat.papers.tables")
 tables_command = module_of("desat.papers.commands.tables")

@@ -15,8 +15,6 @@ from typing import IO, Any
 
 import numpy as np
 import pytest
-from test_failures import DESCRIPTION, binary, fmu, options, system
-from test_rates import scenario
 
 from benchmarks.killed import differences, trials
 from desat.analyses import manifest as made_by
@@ -26,6 +24,8 @@ from desat.files import identity, paths
 from desat.files.io import claimed
 from desat.runs.run import Options, prepare, resume, simulate
 from desat.system.errors import DesatError, Exit
+from tests.engine.test_failures import DESCRIPTION, binary, fmu, options, system
+from tests.engine.test_rates import scenario
 
 __all__ = ["binary", "system"]  # fixtures
 

@@ -12,7 +12,6 @@ import zipfile
 
 import numpy as np
 import pytest
-from conftest import ROOT
 
 from benchmarks.validation import convergence
 from benchmarks.validation.reference import Gyrostat
@@ -22,6 +21,7 @@ from desat.files.ssp import read
 from desat.numbers.derived import pointing
 from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError
+from tests.conftest import ROOT
 
 AUTHORITIES = ROOT / "tests" / "authorities"
 CASES = {

@@ -26,7 +26,6 @@ from typing import Any
 
 import psutil
 import pytest
-from conftest import ROOT, module_of, python
 
 from benchmarks import seen, soak
 from desat import cli
@@ -46,10 +45,11 @@ from desat.runs import run as case
 from desat.runs import step_case, substep_choice
 from desat.runs.run import Options, load_run, prepare, simulate
 from desat.system.errors import DesatError, Exit, RunError
+from tests.conftest import ROOT, module_of, python
 
 pages = module_of("benchmarks.pages.sources")
 tables = module_of("desat.papers.tables")
-SOURCE = Path(__file__).with_name("failing.c")
+SOURCE = ROOT / "tests" / "failing.c"
 FAILURES = (
     re.search(r"enum \{(.*?)\}", SOURCE.read_text(), re.S)[1]
     .replace("\n", " ")
@@ -2030,7 +2030,7 @@ def test_every_failure_of_the_table_has_its_test():
         if x.startswith("| ") and not x.startswith("| failure |")
     ]
     sources: dict[str, str] = {}
-    for file in Path(__file__).parent.glob("test_*.py"):
+    for file in (ROOT / "tests").rglob("test_*.py"):
         text = file.read_text(encoding="utf-8")
         lines = text.splitlines()
         constants: dict[str, str] = {}

@@ -15,8 +15,8 @@ import pytest
 
 import desat
 from desat.system.errors import DesatError
+from tests.conftest import ROOT
 
-HERE = Path(__file__).parent
 VARIABLES = (
     ("k", 0, "Real", "internal", "parameter", "1"),
     ("u", 1, "Real", "input", "continuous", "0"),
@@ -56,7 +56,7 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "-fPIC",
             "-o",
             str(shared_library),
-            str(HERE / "gain1.c"),
+            str(ROOT / "tests" / "gain1.c"),
         ],
         check=True,
     )

@@ -30,6 +30,7 @@ from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
 from desat.system.layer import Layer, Place, Value
 from desat.system.model import Connection
+from tests.conftest import ROOT
 
 BOTH = ("compiled", "python")
 FULL_RANGE = {
@@ -109,7 +110,7 @@ def compiled_folder(place: Path, *flags: str) -> Path:
         pytest.skip("needs Linux and a C compiler")
     library_ = place / "binaries" / fmpy.platform_tuple / "strange3.so"
     library_.parent.mkdir(parents=True)
-    source = (Path(__file__).parent / "strange3.c").read_text()
+    source = (ROOT / "tests" / "strange3.c").read_text()
     header = (Path(fmpy.__file__).parent / "c-code" / "fmi3FunctionTypes.h").read_text()
     others = set(re.findall(r"(fmi3\w+)TYPE", header)) - set(
         re.findall(r"\b(fmi3\w+)\(", source)

@@ -12,10 +12,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from conftest import Command, python
 
 from desat.engine.recording.results import Results
 from desat.system.errors import Exit
+from tests.conftest import ROOT, Command, python
 
 MEANT = {
     errno.ENOSPC: "no space left on the disk",
@@ -30,7 +30,7 @@ def shim(tmp_path_factory) -> Path:
     if compiler is None or sys.platform != "linux":
         pytest.skip("needs Linux and a C compiler")
     library = tmp_path_factory.mktemp("full") / "full.so"
-    source = Path(__file__).with_name("full.c")
+    source = ROOT / "tests" / "full.c"
     subprocess.run(
         [compiler, "-shared", "-fPIC", "-O1", "-o", library, source, "-ldl"], check=True
     )

@@ -14,7 +14,6 @@ from types import SimpleNamespace
 import h5py
 import numpy as np
 import pytest
-from test_rates import scenario
 
 from desat.engine import compiled
 from desat.engine.compiled import CODES, Program
@@ -33,6 +32,7 @@ from desat.runs import step_case
 from desat.runs.run import Options, execute, prepare, simulate
 from desat.system.layer import Layer, Place, Value
 from desat.system.model import Connection
+from tests.engine.test_rates import scenario
 
 
 def has_compiler() -> bool:

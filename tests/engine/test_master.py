@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import one_of_each_craft
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -29,6 +28,7 @@ from desat.system.interface import KINDS, Interface, Signal
 from desat.system.layer import Layer, Place
 from desat.system.model import Component, Connection, System
 from desat.system.schedule import schedule
+from tests.conftest import one_of_each_craft
 
 SPECS: dict[str, dict] = {}
 """What the functions of each component are."""

@@ -20,7 +20,6 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from conftest import ROOT
 from hypothesis import given
 from hypothesis import strategies as st
 from isal import isal_zlib
@@ -60,6 +59,7 @@ from desat.system.errors import DesatError
 from desat.system.interface import of_block
 from desat.system.layer import Layer, Place, Value
 from desat.system.parameters import Parameter
+from tests.conftest import ROOT
 
 NAME = "uosat12/table3-ocdc-ilqr-1"
 

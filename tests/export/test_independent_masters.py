@@ -6,9 +6,7 @@ import importlib.util
 import json
 
 import numpy as np
-import others
 import pytest
-from conftest import python
 
 from benchmarks import seen
 from desat.export.packing import pack, pack_scenario
@@ -16,6 +14,8 @@ from desat.files.builder import Builder
 from desat.files.scenario import find, read_foreign
 from desat.files.ssp import read
 from desat.runs.run import Options, execute
+from tests import others
+from tests.conftest import python
 
 STEPS = 60
 SHORT = Options(algorithm="jacobi", stop=600.0)

@@ -13,7 +13,6 @@ from typing import Any
 import fmpy
 import numpy as np
 import pytest
-from conftest import ROOT, python
 from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 
@@ -24,8 +23,8 @@ from desat.runs.prepare import prepare
 from desat.runs.run import Options, Run, execute
 from desat.system.errors import DesatError
 from desat.system.interface import base_name
+from tests.conftest import ROOT, python
 
-HERE = Path(__file__).parent
 STEPS = 200
 ONE_OF_EACH = [
     "alsat1/basin-inverted",
@@ -272,7 +271,7 @@ def test_a_c_host_without_python_runs_it(built_loop, tmp_path):
             *compiler(),
             "-std=gnu11",
             "-w",
-            str(HERE / "host.c"),
+            str(ROOT / "tests" / "host.c"),
             "-ldl",
             "-o",
             str(host),

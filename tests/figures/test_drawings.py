@@ -8,7 +8,6 @@ import re
 
 import numpy as np
 import pytest
-from conftest import ROOT, one_of_each_craft, wait_until
 from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
@@ -22,6 +21,7 @@ from desat.runs import drawings
 from desat.runs.prepare import prepare
 from desat.runs.run import Options, execute, load_run
 from desat.system.wheels import existing
+from tests.conftest import ROOT, one_of_each_craft, wait_until
 
 SVG = "{http://www.w3.org/2000/svg}"
 COILS = "integrated/mil-nadir"

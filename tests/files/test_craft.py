@@ -7,7 +7,6 @@ import hashlib
 import shutil
 
 import pytest
-from conftest import ROOT
 
 from desat.components.contract import roles
 from desat.export import packing
@@ -16,6 +15,7 @@ from desat.files.builder import Builder
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
 from desat.system.interface import elements, misfit, of_block, usual_sources
+from tests.conftest import ROOT
 
 CRAFTS = [
     f for family in scenario.families() for f in craft.files(ROOT / "ssp" / family)

@@ -21,8 +21,9 @@ import desat
 from desat.runs.prepare import prepare
 from desat.system.errors import DesatError
 from desat.system.options import Options
+from tests.conftest import ROOT
 
-SOURCE = Path(__file__).parent / "manager.c"
+SOURCE = ROOT / "tests" / "manager.c"
 INPUTS = {"b_body": (3, "T"), "h_wheel": (4, "N.m.s"), "tau_ctrl_body": (3, "N.m")}
 OUTPUTS = {"tau_cmd_wheel": (4, "N.m"), "m_cmd_body": (3, "A.m2")}
 ONE_OF_EACH = [

@@ -13,12 +13,13 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from test_failures import FAILURES, compiled, fmu
 
 import desat
 from desat.runs.prepare import prepare
 from desat.system.errors import DesatError
 from desat.system.options import Options
+from tests.conftest import ROOT
+from tests.engine.test_failures import FAILURES, compiled, fmu
 
 NAMESPACES = " ".join(
     f'xmlns:{prefix}="http://ssp-standard.org/SSP1/SystemStructure{name}"'
@@ -52,7 +53,7 @@ def gain(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if compiler is None or sys.platform != "linux":
         pytest.skip("needs Linux and a C compiler")
     folder = tmp_path_factory.mktemp("gain")
-    source, library = Path(__file__).parent / "gain.c", folder / "gain.so"
+    source, library = ROOT / "tests" / "gain.c", folder / "gain.so"
     subprocess.run(
         [compiler, "-shared", "-fPIC", "-o", str(library), str(source)], check=True
     )
@@ -712,7 +713,7 @@ def test_each_outcome_of_public_ones_has_a_stand_in() -> None:
     }
 
 
-PUBLIC = tomllib.loads((Path(__file__).parent / "foreign.toml").read_text())["ssp"]
+PUBLIC = tomllib.loads((ROOT / "tests" / "foreign.toml").read_text())["ssp"]
 
 
 @pytest.mark.parametrize(

@@ -13,12 +13,13 @@ from pathlib import Path
 
 import pytest
 from scipy.io import loadmat
-from test_foreign_ssp import NAMESPACES, system, wire
 
 import desat
 from desat.runs.prepare import prepare
 from desat.system.errors import DesatError
 from desat.system.options import Options
+from tests.conftest import ROOT
+from tests.files.test_foreign_ssp import NAMESPACES, system, wire
 
 DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="typed" guid="{{g}}">
@@ -36,7 +37,7 @@ def typed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if compiler is None or sys.platform != "linux":
         pytest.skip("needs Linux and a C compiler")
     library = tmp_path_factory.mktemp("typed") / "typed.so"
-    source = Path(__file__).with_suffix("").with_name("typed.c")
+    source = ROOT / "tests" / "typed.c"
     subprocess.run([compiler, "-shared", "-fPIC", "-o", library, source], check=True)
     return library
 
@@ -837,7 +838,7 @@ def test_a_library_that_needs_a_newer_version_is_found_by_check(
     script, stub, user = (tmp_path / n for n in ("map", "stub.c", "user.c"))
     script.write_text(f"{version} {{ newer; }};")
     stub.write_text("int newer(void) { return 0; }")
-    source = Path(__file__).with_name("typed.c").read_text()
+    source = (ROOT / "tests" / "typed.c").read_text()
     user.write_text(
         source + "extern int newer(void); int call(void) { return newer(); }"
     )
@@ -895,7 +896,7 @@ def sized(tmp_path_factory: pytest.TempPathFactory) -> Path:
     import fmpy
 
     folder = tmp_path_factory.mktemp("sized3")
-    source = Path(__file__).with_name("sized3.c").read_text()
+    source = (ROOT / "tests" / "sized3.c").read_text()
     header = (Path(fmpy.__file__).parent / "c-code/fmi3FunctionTypes.h").read_text()
     others = {*re.findall(r"(fmi3\w+)TYPE", header)} - {
         *re.findall(r"\b(fmi3\w+)\(", source)

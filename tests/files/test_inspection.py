@@ -8,10 +8,10 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from conftest import ROOT
 
 from desat.engine.instances import fmu as instances
 from desat.files import paths
+from tests.conftest import ROOT
 
 DIST = ROOT / "fmus" / "dist"
 NO_LIBRARY = b"not code: who loads it fails"

@@ -11,8 +11,6 @@ import stat
 from pathlib import Path
 
 import pytest
-from conftest import module_of
-from fuzz import commands
 
 from desat.begin.craft import write
 from desat.begin.facts import CraftFacts
@@ -21,6 +19,8 @@ from desat.files import io
 from desat.runs.run import execute
 from desat.system.errors import DesatError
 from desat.system.options import Options
+from tests.conftest import module_of
+from tests.fuzz import commands
 
 pages = module_of("benchmarks.pages.verbs")
 

@@ -11,7 +11,6 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
-from conftest import ROOT, one_of_each_craft
 from fmpy.fmi2 import FMU2Slave
 from lxml import etree
 
@@ -22,6 +21,7 @@ from desat.files.xml import parse_bytes, validate
 from desat.runs.prepare import prepare, read
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
+from tests.conftest import ROOT, one_of_each_craft
 
 NAME = "uosat12/table3-ocdc-ilqr-1"
 

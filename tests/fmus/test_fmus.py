@@ -19,11 +19,8 @@ from types import SimpleNamespace
 import fmpy
 import numpy as np
 import pytest
-from conftest import ROOT, python
 from fmpy import validation
 from fmpy.fmi2 import FMU2Slave
-from test_blocks import begin, fresh, randomise_inputs
-from test_native import OUT_OF_ORDER
 
 from desat.files import library, paths
 from desat.files.fmu import of_fmu
@@ -31,6 +28,9 @@ from desat.fmus import build, interfaces, registry
 from desat.fmus.description import ICON, LICENCE
 from desat.system import interface
 from desat.system.interface import KINDS
+from tests.conftest import ROOT, python
+from tests.contract.test_block import begin, fresh, randomise_inputs
+from tests.fmus.test_native import OUT_OF_ORDER
 
 NAMES = registry.names()
 

@@ -27,7 +27,6 @@ from fmpy.validation import validate_fmu
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
-from test_blocks import randomise_inputs
 
 from desat.components.contract.block import Block
 from desat.files import library, paths
@@ -36,9 +35,10 @@ from desat.fmus.compiler import NoCompilerError, compiler
 from desat.fmus.translate import program
 from desat.fmus.translate.types import SubsetError
 from desat.runs.run import Options, execute
+from tests.conftest import ROOT
+from tests.contract.test_block import randomise_inputs
 
 NATIVE = tuple(n for n in registry.names() if n not in native.PINNED)
-HERE = Path(__file__).parent
 KINDS = ["native", "python"]
 """Of the FMUs beside a block; builds.py adds those of another build."""
 
@@ -347,7 +347,7 @@ def test_a_plain_c_host_runs_all_of_them_in_an_empty_environment(tmp_path):
             *compiler(),
             "-std=gnu11",
             "-w",
-            str(HERE / "host.c"),
+            str(ROOT / "tests" / "host.c"),
             "-ldl",
             "-o",
             str(host),
@@ -998,7 +998,7 @@ def sanitized(names: Sequence[str], folder: Path) -> dict[str, str]:
     saved = [f for f in native.FLAGS if f not in ("-O3", "-fvisibility=hidden")]
     build = [*compiler(), *saved, "-g", "-w", "-std=gnu11", *SANE]
     host = (
-        (HERE / "host.c")
+        (ROOT / "tests" / "host.c")
         .read_text()
         .replace("dlopen(path, RTLD_NOW)", "dlopen(0, RTLD_NOW)")
     )
@@ -1030,7 +1030,7 @@ def sanitized(names: Sequence[str], folder: Path) -> dict[str, str]:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the sanitizers of gcc or clang")
 def test_no_sanitizer_complains(tmp_path):
-    """Of a block; `python tests/test_native.py` tries all."""
+    """Of a block; `python -m tests.fmus.test_native` tries all."""
     assert sanitized(["thrusters"], tmp_path) == {}
 
 

@@ -13,7 +13,6 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
-from conftest import ROOT
 from fmpy.validation import validate_fmu
 
 from desat.files import own
@@ -22,6 +21,7 @@ from desat.fmus.registry import block_class, names
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
 from desat.system.interface import role_classes
+from tests.conftest import ROOT
 
 LAW = '''"""A law of one's own."""
 

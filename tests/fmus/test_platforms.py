@@ -13,11 +13,11 @@ from pathlib import Path
 
 import fmpy
 import pytest
-from conftest import ROOT
-from test_native import path
 
 from desat.files import library
 from desat.fmus import native
+from tests.conftest import ROOT
+from tests.fmus.test_native import path
 
 ZIG = bool(importlib.util.find_spec("ziglang"))
 WINE = (

@@ -6,12 +6,16 @@ from __future__ import annotations
 import re
 import shlex
 
-import fuzz
 import pytest
 import typer
-from conftest import ROOT
-from fuzz import commands, tree
-from fuzz.seeds import (
+from typer.main import get_command
+
+from desat.runs.prepare import prepare
+from desat.system.errors import DesatError, Exit
+from tests import fuzz
+from tests.conftest import ROOT
+from tests.fuzz import commands, tree
+from tests.fuzz.seeds import (
     ABOUT,
     BARE,
     FILES,
@@ -26,10 +30,6 @@ from fuzz.seeds import (
     pointing_nowhere,
     seeds,
 )
-from typer.main import get_command
-
-from desat.runs.prepare import prepare
-from desat.system.errors import DesatError, Exit
 
 SEED, COUNT, LINES = 1, 1000, 15
 

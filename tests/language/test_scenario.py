@@ -9,7 +9,6 @@ import re
 import shutil
 import tomllib
 from itertools import product
-from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -35,8 +34,8 @@ from desat.numbers.spline import Spline
 from desat.runs import catalogue, explain, validation
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError, Exit
+from tests.conftest import ROOT
 
-ROOT = Path(__file__).resolve().parent.parent
 BASE = """step = 10.0
 stop = 600.0
 title = "T"

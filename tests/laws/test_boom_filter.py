@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
-from test_alsat1 import NEAR, THREE, J, N, boom
 
 from desat.components.contract.block import BlockError
 from desat.components.laws import attitude_error, boom_filter, orbit_momentum
@@ -20,6 +19,7 @@ from desat.components.maths import kalman
 from desat.components.maths.attitude import propagated, rotate
 from desat.components.maths.vector import add, cross, dot, inverse, mat_vec, sub
 from desat.runs.run import Options, execute
+from tests.papers.test_alsat1 import NEAR, THREE, J, N, boom
 
 ORBIT = 6128  # s, and samples of a run's series
 BIAS = (1e-4, -1e-4, 1e-4)

@@ -9,8 +9,6 @@ import math
 
 import numpy as np
 import pytest
-from mutations import statements_of
-from test_blocks import begin, fresh
 
 from desat.components.contract.block import BlockError
 from desat.components.laws import (
@@ -38,6 +36,8 @@ from desat.runs.prepare import read
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
 from desat.system.parameters import Parameter
+from tests.contract.test_block import begin, fresh
+from tests.mutations import statements_of
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 COILS, LEVEL, PERIOD = (36.0, 36.0, 36.0), (0.04, 0.04, 0.04), 10.0

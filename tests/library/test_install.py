@@ -17,12 +17,12 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, python
 
 from desat.cli import EXTRAS
 from desat.files import paths
 from desat.files.scenario import scenarios
 from desat.fmus import registry
+from tests.conftest import ROOT, python
 
 
 def _do(

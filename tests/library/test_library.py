@@ -13,7 +13,6 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from conftest import ROOT
 from typer.main import get_command
 
 import desat as library
@@ -28,6 +27,7 @@ from desat.components.maths.vector import scale
 from desat.system.errors import DesatError
 from desat.system.options import Options, RunOptions, as_arguments
 from desat.system.program_values import plain_values
+from tests.conftest import ROOT
 
 DAY = "nadir_day/day-dipole"
 

@@ -13,9 +13,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from conftest import module_of
 from scipy.stats import beta
-from test_failures import binary, options, ssd, system
 
 from desat import cli
 from desat.analyses import residual
@@ -35,6 +33,8 @@ from desat.runs.run import Run, load_run, prepare, simulate
 from desat.runs.stopping import LATE, Condition
 from desat.system.errors import Exit, RunError, nearest
 from desat.system.options import Options
+from tests.conftest import module_of
+from tests.engine.test_failures import binary, options, ssd, system
 
 comparison = module_of("desat.papers.comparison")
 

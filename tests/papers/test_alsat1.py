@@ -12,7 +12,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
-from test_blocks import begin, fresh
 
 from desat.components.contract.block import BlockError
 from desat.components.laws import cross_product, firing
@@ -29,6 +28,7 @@ from desat.numbers import derived, measures
 from desat.papers import stored
 from desat.runs.run import Options, execute, prepare
 from desat.system.refusal import explain
+from tests.contract.test_block import begin, fresh
 
 N = 0.0010252474302388003
 MOMENTS, PRODUCTS = (153.0, 153.0, 5.0), (-0.25, 0.0005, 0.1)

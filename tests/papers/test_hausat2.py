@@ -9,12 +9,8 @@ import math
 
 import numpy as np
 import pytest
-from conftest import python
 from hypothesis import given
 from hypothesis import strategies as st
-from test_blocks import begin, fresh
-from test_witness import ECOS, LIBCOSIM, real_outputs
-from test_witness import rows_of as rows_printed
 
 from benchmarks import detumbling
 from benchmarks.pages import least_time
@@ -32,6 +28,10 @@ from desat.papers.comparison import rows_of
 from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError
 from desat.system.refusal import explain
+from tests.conftest import python
+from tests.contract.test_block import begin, fresh
+from tests.export.test_independent_masters import ECOS, LIBCOSIM, real_outputs
+from tests.export.test_independent_masters import rows_of as rows_printed
 
 J = (0.3078, 0.0, 0.0, 0.0, 0.2865, 0.0, 0.0, 0.0, 0.2747)
 MINUS_Y = (0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

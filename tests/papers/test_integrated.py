@@ -9,10 +9,8 @@ from math import inf, nan
 
 import numpy as np
 import pytest
-from conftest import python
 from hypothesis import given
 from hypothesis import strategies as st
-from test_blocks import begin, fresh
 
 from desat.campaign import draws, spread
 from desat.campaign.draws import RunRow
@@ -37,6 +35,8 @@ from desat.papers.comparison import Share, Spread
 from desat.papers.tables import rows
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
+from tests.conftest import python
+from tests.contract.test_block import begin, fresh
 
 S = 1.0 / math.sqrt(3.0)
 PYRAMID = (S, -S, -S, S, S, S, -S, -S, S, S, S, S)

@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import but
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -25,6 +24,7 @@ from desat.fmus.registry import block_class
 from desat.papers.designs import making as design_module
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
+from tests.conftest import but
 
 RATE, HORIZON = 1.0715e-3, 3000.0
 NADIR = np.array([0.0, -RATE, 0.0])

@@ -8,11 +8,9 @@ import math
 
 import numpy as np
 import pytest
-from conftest import but
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
-from test_blocks import begin, fresh
 
 from benchmarks.pages import telescope
 from desat.analyses import coil_bound
@@ -30,6 +28,8 @@ from desat.papers import stored, tables
 from desat.papers.designs import making, momentum_tables
 from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError
+from tests.conftest import but
+from tests.contract.test_block import begin, fresh
 
 S, C = (
     math.sin(math.radians(35.264389682754654)),

@@ -15,7 +15,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, but, module_of
 
 from desat.campaign import draws
 from desat.campaign.spread import spreads
@@ -29,6 +28,7 @@ from desat.fmus.slave import _name
 from desat.runs.prepare import Target, resolved
 from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError
+from tests.conftest import ROOT, but, module_of
 
 making = module_of("desat.papers.designs.making")
 origin = module_of("desat.papers.designs.origin")

@@ -21,7 +21,7 @@ def desat_module():
     import subprocess
     import sys
 
-    from conftest import ROOT
+    from tests.conftest import ROOT
 
     return lambda *a: subprocess.run(
         [sys.executable, "-m", "desat.cli", *a],

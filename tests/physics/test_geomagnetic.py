@@ -29,8 +29,9 @@ from desat.components.contract.block import Block, BlockError, Vec3
 from desat.components.maths.vector import cross, dot, norm, sub
 from desat.components.physics import atmosphere, earth, geomagnetic, igrf14, orbit, tle
 from desat.fmus import build
+from tests.conftest import ROOT
 
-AUTHORITIES = Path(__file__).parent / "authorities"
+AUTHORITIES = ROOT / "tests" / "authorities"
 OUTPUTS = [v.name for v in EnvironmentKepler.variables if v.causality == "output"]
 FIELDS = ("none", "dipole", "igrf")
 

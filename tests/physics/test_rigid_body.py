@@ -10,7 +10,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from conftest import ROOT
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import DOP853
@@ -45,6 +44,7 @@ from desat.components.physics.rigid_body import (
     slopes,
 )
 from desat.components.physics.wheel_array import body_momentum
+from tests.conftest import ROOT
 
 # --- the methods ----------------------------------------------------------------------
 
@@ -324,7 +324,7 @@ def truth() -> np.ndarray:
 
 
 def test_authority_is_the_monolith(truth):
-    """The file holds what the monolith gives: python tests/test_integrator.py writes
+    """The file holds what the monolith gives: python -m tests.physics.test_rigid_body writes
     it."""
     again = monolith(100.0)
     assert len(again) == 2

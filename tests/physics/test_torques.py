@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import ROOT
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -16,6 +15,7 @@ from desat.components.physics import torques
 from desat.components.physics.gyrostat import carrier_inertia, inverse_inertia
 from desat.components.physics.orbit import MU
 from desat.runs.run import Options, execute
+from tests.conftest import ROOT
 
 TRUTH = np.loadtxt(
     ROOT / "tests" / "authorities" / "plant_reference_highprec.csv",

@@ -10,7 +10,6 @@ import shlex
 from pathlib import Path
 
 import pytest
-from conftest import ABSENT, ROOT
 from jinja2 import DictLoader
 from lxml import html
 from typer.testing import CliRunner
@@ -20,6 +19,7 @@ from desat.components.blocks.wheels import Wheels
 from desat.fmus.description import documentation
 from desat.report import policy
 from desat.report.report import render
+from tests.conftest import ABSENT, ROOT
 
 TEMPLATES = sorted((ROOT / "orchestrator").rglob("*.html"))
 SOURCES = sorted(

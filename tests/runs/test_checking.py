@@ -8,12 +8,12 @@ import shutil
 from pathlib import Path
 
 import pytest
-from conftest import ROOT
 
 from desat.files import paths
 from desat.runs.prepare import read
 from desat.runs.run import Options, prepare
 from desat.system.errors import DesatError
+from tests.conftest import ROOT
 
 SSD = ROOT / "ssp" / "uosat12" / "SystemStructure.ssd"
 

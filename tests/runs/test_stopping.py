@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import but
 
 from desat.campaign.draws import draws
 from desat.runs import stopping
 from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError, Exit, MisfitError
+from tests.conftest import but
 
 NAME = "integrated/mil-nadir"
 RATE = "spacecraft.omega_bi_body"

@@ -16,7 +16,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_checkpoint import broken
 
 from benchmarks.validation.estimate import difference
 from benchmarks.validation.reference import Gyrostat
@@ -37,6 +36,7 @@ from desat.runs import substep_choice
 from desat.runs.run import Options, prepare, resume, simulate
 from desat.system.errors import DesatError
 from desat.system.model import AUTO
+from tests.engine.test_checkpoint import broken
 
 CASES = (
     "light",

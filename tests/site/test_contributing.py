@@ -12,7 +12,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from conftest import ROOT
+
+from tests.conftest import ROOT
 
 TABLE = dict(
     re.findall(r"^\| ([^|]+?) \| `(\S+)`", (ROOT / "CONTRIBUTING.md").read_text(), re.M)

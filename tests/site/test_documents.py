@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import ROOT
-from test_site import SCRIPTS
 from typer.main import get_command
 
 from desat import cli
 from desat.files.scenario import scenarios
+from tests.conftest import ROOT
+from tests.site.test_site import SCRIPTS
 
 PAGES = [
     ROOT / "README.md",

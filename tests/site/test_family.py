@@ -15,7 +15,8 @@ import sys
 from math import sqrt
 
 import pytest
-from conftest import ROOT
+
+from tests.conftest import ROOT
 
 LAW = '''"""Spin-down of wheels: their momentum decays at a rate of one's choice."""
 

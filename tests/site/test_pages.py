@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import ROOT
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -19,6 +18,7 @@ from desat.language.scenario import Plot
 from desat.numbers.statistics import median_interval
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
+from tests.conftest import ROOT
 
 # --- strips ---------------------------------------------------------------------------
 

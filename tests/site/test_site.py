@@ -30,7 +30,8 @@ from pathlib import Path
 
 import matplotlib
 import pytest
-from conftest import ROOT
+
+from tests.conftest import ROOT
 
 DOCS = ROOT / "docs"
 SCRIPTS = [

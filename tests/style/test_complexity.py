@@ -8,7 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from conftest import ROOT
+from tests.conftest import ROOT
 
 #: Functions above ruff's C901 at 10 or PLR0915 at 40, and the reason. The list may only
 #: shrink.
@@ -37,11 +37,11 @@ TOO_LARGE = {
     "orchestrator/sizing/sizing.py size": "one field of the answer after the other",
     "tests/mutations.py chosen": "could be split: draw, then fill up",
     "tests/mutations.py main": SEQUENCE,
-    "tests/test_campaign.py test_clusters_that_do_not_serve": ONE_STORY,
-    "tests/test_fmi3.py test_what_it_refuses_it_says": ONE_STORY,
-    "tests/test_native.py test_block_and_both_fmus_are_bitwise_alike": ONE_STORY,
-    "tests/test_ssp.py test_scenario_files": ONE_STORY,
-    "tests/test_web.py "
+    "tests/campaign/test_campaign.py test_clusters_that_do_not_serve": ONE_STORY,
+    "tests/fmus/test_fmi3.py test_what_it_refuses_it_says": ONE_STORY,
+    "tests/fmus/test_native.py test_block_and_both_fmus_are_bitwise_alike": ONE_STORY,
+    "tests/files/test_ssp.py test_scenario_files": ONE_STORY,
+    "tests/web/test_page.py "
     "test_a_slider_moved_in_a_browser_gives_what_the_shown_line_prints": ONE_STORY,
 }
 FOLDERS = ("benchmarks", "components", "docs", "fmus", "orchestrator", "tests")

@@ -14,7 +14,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from conftest import ABSENT, ROOT
+
+from tests.conftest import ABSENT, ROOT
 
 HOME = ROOT / "orchestrator"
 ROOMS = (

@@ -12,7 +12,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from conftest import ROOT
+
+from tests.conftest import ROOT
 
 SSP = "the .ssp of nadir_day/day-dipole"
 LIMITS = {

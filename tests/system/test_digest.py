@@ -12,9 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ROOT, but, module_of
-from test_check import write_altitude
-from test_checkpoint import broken
 
 import desat as api
 from desat.campaign import cluster, coordinator, plan, report, store
@@ -28,6 +25,9 @@ from desat.runs.run import Options, load_run, prepare, resume, simulate
 from desat.system.digest import ASIDE, comparable, digest
 from desat.system.errors import DesatError, Exit
 from desat.system.model import Connection
+from tests.conftest import ROOT, but, module_of
+from tests.engine.test_checkpoint import broken
+from tests.runs.test_checking import write_altitude
 
 origin = module_of("desat.papers.designs.origin")
 stored = module_of("desat.papers.stored")

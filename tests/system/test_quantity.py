@@ -8,7 +8,6 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from fuzz import commands
 
 from desat.begin.craft import write
 from desat.begin.facts import CraftFacts
@@ -16,6 +15,7 @@ from desat.runs.new_craft import write_craft
 from desat.sizing.requirements import SizingRequirements
 from desat.system.errors import DesatError
 from desat.system.quantity import Quantity
+from tests.fuzz import commands
 
 TLE = commands.TLE
 

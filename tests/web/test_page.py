@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import wait_until
 from lxml import html
 from typer.testing import CliRunner
 
@@ -37,6 +36,7 @@ from desat.system.parameters import parse_assignment
 from desat.web import module, page
 from desat.web.script import numpy_source, script
 from desat.web.sliders import asked_of, usual, usual_of
+from tests.conftest import wait_until
 
 NODE = shutil.which("node")
 needs_node = pytest.mark.skipif(NODE is None, reason="no node")
