@@ -4,7 +4,7 @@ usual ones.
 `python tests/builds.py windows` runs one block's libraries for Linux and Windows beside
 each other. `python tests/builds.py zig` or `sanitizers` builds all of them into a
 temporary folder. Each block, its Python FMU, its usual native FMU and the other one get
-the inputs of test_native.py, and one scenario of each family runs its first 600 steps
+the inputs of tests/fmus/test_native.py, and one scenario of each family runs its first 600 steps
 with both builds: all bits must be equal. zig needs the package ziglang; under
 sanitizers the first complaint ends the process. With names of scenarios only these and
 their blocks are tried.

@@ -343,19 +343,25 @@ def map_of(folder: Path, file: Path) -> Path:
     return folder / f"map.{name_test_file(file).replace('/', '.')}.json"
 
 
-def copied(folder: Path, empty: bool) -> Path:
-    """The repository's files in FOLDER/tree, with our FMUs, or (`empty`) empty ones."""
-    tree = folder / "tree"
-    for file in (ROOT / "tests").rglob("*.py") if tree.exists() else ():
+def _renew_tests(tree: Path, folder: Path) -> None:
+    """Copy the tests that are new or other; remove those that were moved or removed."""
+    for file in (ROOT / "tests").rglob("*.py"):
         old = tree / file.relative_to(ROOT)
         if not old.exists() or old.read_bytes() != file.read_bytes():
             old.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(file, old)
             map_of(folder, file).unlink(missing_ok=True)
     for old in (tree / "tests").rglob("*.py"):
-        if not (ROOT / old.relative_to(tree)).exists():  # moved or removed since
+        if not (ROOT / old.relative_to(tree)).exists():
             old.unlink()
             map_of(folder, old).unlink(missing_ok=True)
+
+
+def copied(folder: Path, empty: bool) -> Path:
+    """The repository's files in FOLDER/tree, with our FMUs, or (`empty`) empty ones."""
+    tree = folder / "tree"
+    if tree.exists():
+        _renew_tests(tree, folder)
     if not tree.exists():
         process = subprocess.run(
             ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True
@@ -999,7 +1005,7 @@ bounds of the shortest dipole along a line; the cost of time in a plan; the mean
 plan without samples; which field, and which rate, the fallback takes. Tests for equality of shared
 parameters, jitter of each wheel, the series of a lag's moments, the field's second derivative, the
 fall of the place, `unless` of limits and the on-time of unused coils stand in
-`tests/test_survivors.py`; their mutations were not made again.
+`tests/blocks`, `tests/maths` and `tests/physics`; their mutations were not made again.
 """
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import fields, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,10 +17,12 @@ from benchmarks.validation.reference import Gyrostat
 from benchmarks.validation.reference_events import advance
 from benchmarks.validation.reference_plant import STANDING, H, Held, L, Q
 from desat.analyses import coverage
+from desat.analyses.manifest import SubstepChoice
 from desat.components.maths import attitude
 from desat.components.physics.rotor import friction
-from desat.runs.run import Options, prepare
+from desat.runs.run import prepare
 from desat.system.errors import DesatError
+from desat.system.options import Options
 
 # attitude error (rad): as it was with one exchange a step, and what is promised with
 # the scenario's substeps
@@ -527,3 +530,105 @@ def test_convergence_has_estimates():
     for row in rows:
         assert 0.2 < row["estimate"] / row["attitude_error"] < 5.0
         assert 0.2 < row["estimate_wheel_momentum"] / row["wheel_momentum_error"] < 5.0
+
+
+def test_a_number_at_the_limit_of_the_range_is_no_warning():
+    limits = coverage.LIMITS
+    assert (limits.turn, limits.kick, coverage.TOGETHER, coverage.JITTER) == (
+        0.46,
+        0.0076,
+        0.0103,
+        1e-6,
+    )
+    for scale in (1.0, 1.0 + 1e-9):
+        assert (
+            list(
+                coverage._beyond(
+                    coverage.StepCriteria(limits.turn * scale, limits.kick)
+                )
+            )
+            == []
+        )
+    above = coverage.StepCriteria(limits.turn * (1.0 + 2e-9), limits.kick)
+    assert list(coverage._beyond(above)) == [("turn", above.turn)]
+    assert coverage._of_jitter(1e-6, "now") == []
+    assert len(coverage._of_jitter(math.nextafter(1e-6, 1.0), "now")) == 1
+
+
+PARTS = coverage.StepParts(
+    ["a.q", "a.w", "w.h", "a.i"],
+    np.eye(3, 4).tolist(),
+    np.eye(3).tolist(),
+    [0.01] * 4,
+    0.0,
+)
+
+
+def remarked(
+    turning=0.0, pushed=0.0, h=0.0, last=0.0, unbalance=0.0, lacking=(), **message
+):
+    """Remarks about rows of a body that reached so much, of wheels with momenta h to
+    `last`."""
+    found = coverage.Reached(
+        np.array([0.0, 1.0, 2.0]),
+        np.array([0.0, turning, 0.0]),
+        np.array([0.0, pushed]),
+        np.zeros(1),
+    )
+    results = SimpleNamespace(
+        names=lambda: [x for x in PARTS.series if x not in lacking],
+        values=lambda name: np.array([[h] * 4, [last] * 4]),
+    )
+    manifest = SimpleNamespace(
+        substep_choice=None,
+        parts={coverage.KEY: replace(PARTS, unbalance=unbalance)},
+        algorithm="gauss_seidel",
+        step=2.0,
+        substeps=4,
+    )
+    vars(manifest).update(message)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            coverage, "of_run", lambda parts, results: None if lacking else found
+        )
+        return coverage.remarks(manifest, results)
+
+
+def test_a_run_says_where_it_left_the_range():
+    turn, kick = 0.46 / 0.5, 0.0103 / 0.25
+    assert remarked(turn, kick) == []
+    assert remarked(0.46 * (1.0 + 1e-9) / 0.5, 0.0103 * (1.0 + 1e-9) / 0.25) == []
+    assert remarked(2.0 * turn, 2.0 * kick, lacking=["a.q"]) == []
+    assert remarked(2.0 * turn, 2.0 * kick, algorithm="jacobi") == []
+    line, other = remarked(turn * (1.0 + 3e-9), kick * (1.0 + 3e-9))
+    assert line.startswith(
+        "at t = 1 s, turn and nutation in a substep: 0.46 rad, accuracy"
+    )
+    assert other.startswith(
+        "at t = 1 s, turn by the largest torque of all actuators in a substep"
+    )
+
+
+def test_a_run_says_how_much_the_jitter_of_faster_wheels_leaves():
+    """8 unbalance Omega H / J of four wheels, where they turn once within a step and
+    more."""
+    assert remarked(h=1.0, last=1.9, unbalance=1e-9) == []
+    assert remarked(h=1.0, last=2.0, unbalance=1e-9) == []
+    (line,) = remarked(h=1.0, last=2.1, unbalance=1e-9)
+    assert "attitude error of about 3.4e-06 rad, at their largest speeds" in line
+    assert remarked(h=0.0, last=2.1, unbalance=1e-10) == []
+
+
+def test_a_run_that_chose_says_what_it_could_not_look_at():
+    flight = SubstepChoice(4, 1e-7, 5e-8, steps=30, reached=(1.0, 1.0, 1.0))
+    assert remarked(substep_choice=flight) == []
+    (line,) = remarked(substep_choice=flight, lacking=["a.w", "a.i"])
+    assert line == (
+        "its substeps are chosen by its first 30 steps, and not looked at again: "
+        "not recorded: a.i, a.w"
+    )
+    assert remarked(substep_choice=replace(flight, reached=None), lacking=["a.w"]) == []
+    assert remarked(substep_choice=flight, parts={coverage.KEY: None}) == []
+    far = {"turning": 9.0, "pushed": 9.0}
+    assert len(remarked(substep_choice=replace(flight, estimate=None), **far)) == 2
+    assert remarked(substep_choice=flight, **far) == []

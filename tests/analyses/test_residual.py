@@ -7,13 +7,14 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from benchmarks.validation import calibration
-from desat.analyses import energy
+from desat.analyses import energy, fixed, residual
 from desat.analyses.manifest import Manifest
 from desat.campaign import report
 from desat.campaign.draws import draws
@@ -21,8 +22,10 @@ from desat.cli import app_for
 from desat.engine import node
 from desat.engine.instances.base import ComponentError
 from desat.engine.master import Master
-from desat.runs.run import Options, execute, resume
+from desat.numbers.text import Value
+from desat.runs.run import execute, resume
 from desat.system.errors import Exit
+from desat.system.options import Options
 from tests.campaign.test_refusals import fly
 
 BALANCES = set(energy.NUMBERS)
@@ -344,3 +347,245 @@ unit = "rad/s"
     rows = draws(target, 2, 1, Options(), jobs=1).to_json()["draws"]
     assert all(len(r["unmet"]) == 1 for r in rows)
     assert json.dumps(rows)
+
+
+def manifest_with(**more: object) -> SimpleNamespace:
+    """A manifest's part that balances look at."""
+    usual = {
+        "algorithm": "gauss_seidel",
+        "step": 2.0,
+        "substeps": 1,
+        "about": {},
+        "numbers": {},
+        "parts": {},
+        "balance": None,
+    }
+    return SimpleNamespace(**{**usual, **more})
+
+
+def test_the_largest_residual_is_that_of_a_row(monkeypatch):
+    off = np.array([[3.0, 0.0, 4.0], [0.0, -4.9, 0.0], [3.0, 0.0, 0.0]])
+    series = residual.Momentum(np.arange(3.0), off, 7.0)
+    monkeypatch.setattr(residual, "momentum", lambda *_: series)
+    number = residual.numbers(None, None)["momentum_residual"]
+    assert (number.value, number.unit) == (5.0, "N.m.s")
+    assert residual.unchecked(None, None) == {}
+    for algorithm, bound, lines in (
+        ("gauss_seidel", None, 1),
+        ("jacobi", None, 0),
+        ("gauss_seidel", 5.0 / 7.0, 0),
+        ("gauss_seidel", 0.7, 1),
+    ):
+        about = {} if bound is None else {"residual_bound": bound}
+        manifest = manifest_with(
+            numbers={"momentum_residual": number}, algorithm=algorithm, about=about
+        )
+        assert len(residual.unmet(manifest, None)) == lines
+    at_bound = {"momentum_residual": Value("x", 7e-9, "N.m.s")}
+    assert residual.unmet(manifest_with(numbers=at_bound), None) == []
+    at_bound = {"momentum_residual": Value("x", 7.1e-9, "N.m.s")}
+    assert len(residual.unmet(manifest_with(numbers=at_bound), None)) == 1
+    monkeypatch.setattr(residual, "momentum", lambda *_: None)
+    assert residual.unmet(manifest_with(), None) == []
+    assert residual.numbers(None, None) == {}
+
+
+def test_why_there_is_no_residual():
+    parts = residual.MomentumParts("a", "w.h")
+    series = [*(f"a.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")), "w.h"]
+    for names, reason in (
+        (series, "there are no rows"),
+        (series[1:], "not recorded: a.q_bi"),
+        (series[2:], "not recorded: a.q_bi, a.omega_bi_body"),
+    ):
+        results = SimpleNamespace(
+            names=lambda names=names: names, once=lambda key, make: None
+        )
+        manifest = manifest_with(parts={residual.KEY: parts})
+        assert residual.unchecked(manifest, results) == {"momentum_residual": reason}
+
+
+def test_totals_go_on_from_block_to_block(monkeypatch):
+    blocks = [
+        energy.Block(
+            np.array([1.0, 4.0, 2.0]),
+            np.array([2.5, -1.5]),
+            np.array([[1.0, 0.0, 0.0], [0.0, 2.0, 0.0]]),
+            np.array([0.1, 0.3]),
+        ),
+        energy.Block(
+            np.array([2.0, 1.0]),
+            np.array([-3.0]),
+            np.array([[1.0, 0.0, 0.0]]),
+            np.array([0.2]),
+        ),
+    ]
+    impulses = [
+        [[5.0, 0.0, 0.0], [6.0, 0.0, 3.0], [6.0, 2.0, 0.0]],
+        [[6.0, 2.0, 0.0], [7.0, 2.0, -4.0]],
+    ]
+    monkeypatch.setattr(energy, "sums", lambda steps: blocks[steps.number])
+    for outer in (None, object()):
+        totals, found = energy.Totals(), []
+        for k, impulse in enumerate(impulses):
+            steps = SimpleNamespace(number=k, impulse=np.array(impulse), outer=outer)
+            found.append(totals.add(steps))
+            assert totals.start == 1.0
+            assert totals.energy == 4.0
+        assert [list(mismatch) for mismatch, _ in found] == [[0.5, 0.0], [2.0]]
+        assert (totals.work, totals.worked, totals.mismatch) == (-2.0, 2.5, 2.0)
+        assert (totals.hidden, totals.began) == (0.3, (5.0, 0.0, 0.0))
+        assert totals.given == (2.0, 2.0, 0.0)
+        assert totals.impulse == (4.0 if outer else None)
+    blocks[0] = blocks[0]._replace(energy=np.array([5.0, 1.0, 1.0]))
+    totals = energy.Totals()
+    totals.add(SimpleNamespace(number=0, impulse=np.array(impulses[0]), outer=None))
+    assert (totals.energy, totals.start, totals.mismatch) == (5.0, 5.0, 6.5)
+
+
+@pytest.mark.parametrize(
+    ("values", "share", "impulse"),
+    [
+        ({"energy": 2.0, "worked": 4.0}, 0.25, None),
+        ({"energy": 8.0, "worked": 4.0}, 0.125, 0.5),
+        ({}, None, 0.5),
+        (None, None, None),
+    ],
+)
+def test_the_numbers_of_a_balance(monkeypatch, values, share, impulse):
+    result = (
+        None
+        if values is None
+        else energy.Totals(mismatch=1.0, hidden=3.0, impulse=impulse, **values)
+    )
+    monkeypatch.setattr(energy, "totals_of", lambda *_: result)
+    monkeypatch.setattr(energy, "_not_of_rows", lambda *_: "why")
+    found = {name: n.value for name, n in energy.numbers(manifest_with(), None).items()}
+    expected = {
+        "energy_mismatch": share,
+        "hidden_work": values is not None and 3.0,
+        "impulse_mismatch": impulse,
+    }
+    assert found == {k: v for k, v in expected.items() if v}
+    parts = energy.EnergyParts("a", "w.h")
+    lacking = energy.unchecked(manifest_with(parts={energy.KEY: parts}), None)
+    if values is None:
+        assert lacking == dict.fromkeys(energy.NUMBERS, "why")
+    else:
+        assert list(lacking) == ["impulse_mismatch"] * (impulse is None)
+
+
+def series_of(names: list[str], times: list[float], lacking: str = "", **counts: int):
+    """Results with such series."""
+    return SimpleNamespace(
+        names=lambda: [n for n in names if n != lacking],
+        once=lambda key, make: make(),
+        times=lambda name: np.array(times if name == "a.q_bi" else [0.0, 99.0]),
+        count=lambda name: counts.get(name.replace(".", "_"), len(times)),
+    )
+
+
+@pytest.mark.parametrize(
+    ("more", "times", "lacking", "counts", "reason"),
+    [
+        ({}, [0.0, 2.0, 4.0], "", {}, ""),
+        (
+            {"algorithm": "jacobi"},
+            [0.0, 2.0],
+            "",
+            {},
+            "under jacobi torques act a step late",
+        ),
+        ({"why": "so"}, [0.0, 2.0], "", {}, "so"),
+        ({}, [0.0, 2.0], "w.mean", {}, "not recorded: w.mean"),
+        ({}, [0.0], "", {}, "there is no whole step"),
+        ({}, [0.0, 2.0], "", {"w_mean": 0}, "there is no whole step"),
+        ({}, [0.0, 2.0], "", {"a_q_bi": 1}, "there is no whole step"),
+        ({}, [0.0, 2.0], "", {"w_mean": 1}, ""),
+        ({}, [0.0, 4.0], "", {}, "its rows"),
+        ({}, [0.0, 1.0], "", {}, "its rows"),
+        ({}, [5.0, 7.0], "", {}, ""),
+        ({"rows": False}, [0.0, 2.0], "", {}, "its rows"),
+        ({"rows": None}, [0.0, 2.0], "", {}, ""),
+        ({"rows": None, "substeps": 2}, [0.0, 2.0], "", {}, "its rows"),
+    ],
+)
+def test_why_rows_have_no_balance(more, times, lacking, counts, reason):
+    of = {k: more.pop(k) for k in ("why", "rows") if k in more}
+    parts = energy.EnergyParts(
+        "a", "w.h", "w.mean", "w.slope", None, **{"rows": True, **of}
+    )
+    results = series_of(energy.of_work(parts), times, lacking, **counts)
+    found = energy._not_of_rows(
+        manifest_with(parts={energy.KEY: parts}, **more), results
+    )
+    assert found.startswith(reason)
+    assert bool(found) == bool(reason)
+
+
+@pytest.mark.parametrize(
+    ("hidden", "impulse", "about", "lines"),
+    [
+        (2e-8, 7e-6, {}, []),
+        (2.1e-8, None, {}, ["hidden_work"]),
+        (None, 7.1e-6, {}, ["impulse"]),
+        (2.1e-8, 7.1e-6, {}, ["hidden_work", "impulse"]),
+        (None, None, {}, []),
+        (0.5, 3.5, {"energy_bound": 0.5, "impulse_bound": 0.5}, []),
+        (
+            0.6,
+            3.6,
+            {"energy_bound": 0.5, "impulse_bound": 0.5},
+            ["hidden_work", "impulse"],
+        ),
+    ],
+)
+def test_a_balance_at_its_bound_is_met(monkeypatch, hidden, impulse, about, lines):
+    series = residual.Momentum(np.zeros(1), np.zeros((1, 3)), 7.0)
+    numbers = {"hidden_work": hidden, "impulse_mismatch": impulse}
+    manifest = manifest_with(
+        about=about,
+        numbers={k: Value(k, v, "1") for k, v in numbers.items() if v is not None},
+    )
+    monkeypatch.setattr(residual, "momentum", lambda *_: series)
+    assert [
+        x[: len(y)] for x, y in zip(energy.unmet(manifest, None), lines, strict=True)
+    ] == lines
+    monkeypatch.setattr(residual, "momentum", lambda *_: None)
+    assert len(energy.unmet(manifest, None)) == ("hidden_work" in lines)
+    of_fixed = "impulse" in lines
+    monkeypatch.setattr(
+        fixed, "mismatch", lambda *_: None if impulse is None else (impulse, 7.0)
+    )
+    assert len(fixed.unmet(manifest, None)) == of_fixed
+    found = fixed.numbers(manifest, None)
+    assert {k: v.value for k, v in found.items()} == (
+        {} if impulse is None else {"impulse_mismatch": impulse}
+    )
+
+
+@pytest.mark.parametrize(
+    ("more", "times", "lacking", "reason"),
+    [
+        ({}, [0.0, 2.0], "", ""),
+        (
+            {"algorithm": "jacobi"},
+            [0.0, 2.0],
+            "",
+            "under jacobi torques act a step late",
+        ),
+        ({"why": "so"}, [0.0, 2.0], "", "so"),
+        ({}, [0.0, 2.0], "a.h_copy_wheel", "not recorded: a.h_copy_wheel"),
+        ({}, [0.0], "", "there is no whole step"),
+        ({}, [0.0, 4.0], "", "rows are left out"),
+        ({}, [3.0, 5.0, 9.0], "", ""),
+    ],
+)
+def test_why_a_fixed_attitude_has_no_balance(more, times, lacking, reason):
+    parts = fixed.FixedAttitudeParts("a", {"x": "b.c"}, more.pop("why", ""))
+    results = series_of(fixed.balanced(parts), times, lacking)
+    manifest = manifest_with(parts={fixed.KEY: parts}, **more)
+    assert fixed._reason_against(manifest, results) == reason
+    assert fixed.unchecked(manifest, results) == (
+        {"impulse_mismatch": reason} if reason else {}
+    )

@@ -17,6 +17,8 @@ from desat.components.maths import moments
 from desat.components.maths.allocation import least_on_times
 from desat.components.physics.wheel_array import pseudo_inverse
 from desat.fmus import registry
+from tests.contract.test_block import begin as begin_block
+from tests.contract.test_block import fresh
 
 STEPS = (0.01, 0.05, 0.1, 0.125, 0.25, 0.5, 1.0, 2.0, 10.0)
 IDEAL, LIMITED, PULSED = range(3)
@@ -550,3 +552,15 @@ def test_on_times_are_the_optimum_of_the_linear_programme(seed, canted):
 def test_no_nozzles_no_on_time():
     assert least_on_times(((0.0, 0.0, 0.0),) * 8, (1.0, 2.0, 3.0), 10.0) == (0.0,) * 8
     assert least_on_times(((0.1, 0.0, 0.0),), (-1.0, 2.0, 0.0), 10.0) == (0.0,)
+
+
+@pytest.mark.parametrize("drive", [0, 1, 2])
+def test_a_coil_without_a_command_counts_no_time(drive):
+    coils = fresh("torquers")
+    coils.drive, coils.sample_time, coils.m_limit = drive, 10.0, 40.0
+    begin_block(coils)
+    coils.m_cmd_body = (36.0, 0.0, 0.0)
+    for k in range(10):
+        coils.advance(float(k), 1.0)
+    coils.output(10.0)
+    assert coils.on_time == pytest.approx(9.0 if drive == 2 else 10.0)

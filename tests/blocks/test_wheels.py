@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 from desat.components.blocks.wheels import Wheels
 from desat.components.contract.block import BlockError
 from desat.components.physics.rotor import friction, step
+from tests.contract.test_block import begin, fresh
 
 torque = st.floats(-0.02, 0.02).map(lambda x: round(x, 6))
 momentum = st.floats(-3, 3).map(lambda x: round(x, 6))
@@ -591,3 +592,12 @@ def test_axes_must_be_unit_vectors():
     with pytest.raises(BlockError, match=r"column 2 = .* is not a unit vector"):
         wheels(axes_wheel=(1.0, 0, 0, 0, 0, 2.0, 0, 0, 0, 0, 1.0, 0))
     assert math.isclose(wheels().h_wheel[0], 0.0)
+
+
+def test_each_rotor_begins_its_jitter_at_an_angle_of_its_own():
+    s = 1.0 / math.sqrt(3.0)
+    wheels = fresh("wheels")
+    wheels.axes_wheel = (s, -s, -s, s, s, s, -s, -s, s, s, s, s)
+    wheels.inertia_wheel = (3.2e-5,) * 4
+    begin(wheels)
+    assert len({round(a, 6) for a in wheels._turned}) == 4

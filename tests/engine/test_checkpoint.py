@@ -19,11 +19,13 @@ import pytest
 from benchmarks.killed import differences, trials
 from desat.analyses import manifest as made_by
 from desat.engine import checkpoint
+from desat.engine.checkpoint import newest
 from desat.engine.recording import shared_tables
 from desat.files import identity, paths
 from desat.files.io import claimed
-from desat.runs.run import Options, prepare, resume, simulate
-from desat.system.errors import DesatError, Exit
+from desat.runs.run import prepare, resume, simulate
+from desat.system.errors import DesatError, Exit, RunError
+from desat.system.options import Options
 from tests.engine.test_failures import DESCRIPTION, binary, fmu, options, system
 from tests.engine.test_rates import scenario
 
@@ -273,3 +275,34 @@ def test_resume_refuses_what_is_another(tmp_path, monkeypatch, fault):
     assert {
         p: p.read_bytes() for p in (tmp_path / "a").rglob("*") if p.is_file()
     } == before
+
+
+def test_jacobi_records_its_first_row_whatever_is_left_out():
+    """Row 0 is of the start; each second row beside it."""
+    options = Options(algorithm="jacobi", every=2, stop=6.0, blocks=True)
+    run = simulate(prepare("nadir_day/day-dipole", options))
+    assert run.results.times()[:3].tolist() == [0.0, 2.0, 4.0]
+
+
+def test_checkpoints_are_so_many_seconds_of_the_run_apart(tmp_path, monkeypatch):
+    """Not so many steps: a step of half a second has twice as many between two."""
+    apart: list[int] = []
+    monkeypatch.setattr(
+        "desat.runs.step_case.Checkpoints",
+        lambda folder, every, *rest: (
+            apart.append(every) or (_ for _ in ()).throw(RunError("seen"))
+        ),
+    )
+    case = prepare(
+        "nadir_day/day-dipole", Options(step=0.5, stop=60.0, checkpoint=10.0)
+    )
+    with pytest.raises(RunError, match="seen"):
+        simulate(case, tmp_path / "run")
+    assert apart == [20]
+
+
+def test_a_checkpoint_says_how_long_the_run_took_until_then(tmp_path):
+    options = Options(stop=60.0, checkpoint=10.0, blocks=True)
+    run = simulate(prepare("nadir_day/day-dipole", options), tmp_path / "run")
+    answer = newest(tmp_path / "run").about["seconds"]
+    assert 0.0 < answer <= run.manifest.wall_seconds

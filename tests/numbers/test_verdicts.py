@@ -4,7 +4,6 @@ survived."""
 from __future__ import annotations
 
 import errno
-import inspect
 import math
 import os
 from dataclasses import replace
@@ -13,30 +12,23 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.stats import beta
 
 from desat import cli
 from desat.analyses import residual
 from desat.analyses.manifest import Manifest
 from desat.campaign import draws as study
 from desat.campaign import report
-from desat.campaign.judged import CaseVerdict, for_half_the_width, more, requirement
-from desat.campaign.spread import Spread
+from desat.campaign.judged import CaseVerdict, requirement
 from desat.campaign.store import CaseRow
-from desat.engine.checkpoint import newest
-from desat.language.content import Content, Entry
+from desat.language.content import Content
 from desat.language.scenario import Requirement
 from desat.numbers import verdicts
-from desat.numbers.statistics import clopper_pearson
 from desat.numbers.text import Value
 from desat.runs.run import Run, load_run, prepare, simulate
 from desat.runs.stopping import LATE, Condition
-from desat.system.errors import Exit, RunError, nearest
+from desat.system.errors import Exit, RunError
 from desat.system.options import Options
-from tests.conftest import module_of
 from tests.engine.test_failures import binary, options, ssd, system
-
-comparison = module_of("desat.papers.comparison")
 
 __all__ = ["binary", "system"]  # fixtures
 
@@ -87,101 +79,6 @@ def test_rows_begin_at_the_start_time(system):
     (system / "SystemStructure.ssd").write_text(ssd(start="5", stop="15"))
     run = simulate(prepare(str(system), options("NOTHING")))
     assert run.results.times().tolist() == [5.0 + k for k in range(11)]
-
-
-# --- requirements of a campaign -------------------------------------------------------
-
-
-def test_what_just_shows_a_requirement_shows_it():
-    """One case of one, inside: any share within is less than 50 % with 50 % of
-    confidence."""
-    even = {"max": 2.0, "confidence": 0.5}
-    assert judged([1.0], [True], probability=0.5, **even)["met"]
-    assert judged([1.0], [True], probability=0.5, **even)["more_cases"] == 0
-    above = math.nextafter(0.5, 1.0)
-    assert not judged([1.0], [True], probability=above, **even)["met"]
-    assert judged([1.0], [True], probability=above, **even)["more_cases"] == 1
-
-
-@pytest.mark.parametrize(
-    ("n", "outside"), [(58, 0), (59, 0), (92, 1), (93, 1), (200, 12)]
-)
-def test_a_requirement_is_judged_as_it_says(n, outside):
-    """With 95 % and 95 % where nothing else is asked; the beta distribution as scipy
-    has it."""
-    values = np.where(np.arange(n) < outside, 3.0, 1.0)
-    judgement = judged(list(values), [True] * n, max=2.0)
-    shown = beta.ppf(0.05, n - outside, outside + 1)
-    assert (judgement["probability"], judgement["confidence"], judgement["n"]) == (
-        0.95,
-        0.95,
-        n,
-    )
-    assert judgement["met"] == (shown >= 0.95) == (n in (59, 93))
-    assert judgement["shown_within"] == pytest.approx(100 * shown, rel=1e-12)
-    assert judgement["outside"] == outside
-    assert judgement["share_outside"] == pytest.approx(100 * outside / n, rel=1e-12)
-    assert judgement["interval_outside"] == clopper_pearson(outside, n, 0.95)
-    assert judgement["cases_outside"] == list(range(min(outside, 10)))
-    assert judgement["commands"] == [
-        f"desat campaign case c {k}" for k in range(min(outside, 3))
-    ]
-    assert judgement["for_half_the_width"] == for_half_the_width(n, outside, 0.95)
-
-
-@pytest.mark.parametrize(
-    ("count", "n"), [(0, 7), (1, 7), (3, 7), (6, 7), (7, 7), (1, 1)]
-)
-@pytest.mark.parametrize("level", [0.9, 0.95])
-def test_the_interval_of_a_share(count, n, level):
-    tail = (1.0 - level) / 2.0
-    low = 100.0 * beta.ppf(tail, count, n - count + 1) if count else 0.0
-    high = 100.0 * beta.ppf(1.0 - tail, count + 1, n - count) if count < n else 100.0
-    assert clopper_pearson(count, n, level) == pytest.approx([low, high], rel=1e-12)
-    assert clopper_pearson(count, n) == clopper_pearson(count, n, 0.95)
-
-
-@pytest.mark.parametrize(
-    ("n", "inside", "probability", "confidence"),
-    [
-        (10, 10, 0.9, 0.9),
-        (10, 9, 0.8, 0.8),
-        (7, 6, 0.7, 0.9),
-        (30, 28, 0.85, 0.95),
-        (9, 8, 0.8, 0.5),
-        (3, 2, 0.5, 0.6),
-        (40, 39, 0.9, 0.7),
-        (2, 2, 0.99, 0.95),
-    ],
-)
-def test_so_many_more_cases_show_it_and_one_less_does_not(
-    n, inside, probability, confidence
-):
-    """Against every total one by one, the share outside rounded to whole cases."""
-
-    def shown(total: int) -> bool:
-        outside = math.floor((n - inside) * total / n + 0.5)
-        return bool(
-            beta.ppf(1.0 - confidence, total - outside, outside + 1) >= probability
-        )
-
-    last = max(k for k in range(n - 1, n + 3000) if k < n or not shown(k))
-    assert more(n, inside, probability, confidence) == last + 1 - n
-
-
-def test_more_than_ten_million_cases_are_not_told_of():
-    assert more(10_000, 9_501, 0.95, 0.95) is None
-    assert more(10, 10, 0.9999999, 0.95) is None  # it takes 29,957,321
-    assert more(1, 1, 0.05 ** (1.0 / 9_999_998.5), 0.95) == 9_999_998
-    assert more(1, 1, 0.05 ** (1.0 / 9_999_999.5), 0.95) is None
-    assert for_half_the_width(3_000_000, 1_500_000, 0.95) is None
-    assert for_half_the_width(2_000, 1_000, 0.95) == pytest.approx(6_000, rel=0.02)
-
-
-def test_a_time_that_is_not_reached_counts_in_the_share():
-    assert Spread(n=3, not_reached=1).not_reached_text == "1 of 4 (25 %)"
-    assert Spread(n=5, not_reached=2).not_reached_text == "2 of 7 (28.6 %)"
-    assert Spread(n=4, not_reached=0).not_reached_text == ""
 
 
 # --- exit codes, bounds and conditions at their limits --------------------------------
@@ -361,246 +258,6 @@ def test_a_condition_at_its_limit_is_not_met_yet(way, values, met):
     assert condition.met(np.array(values)) is met
 
 
-# --- verdicts of a paper's tables -----------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("entry", "band"),
-    [
-        ({"tolerance": [1, 2]}, (1.0, 2.0)),
-        ({"tolerance": {"of": "x", "from": 0.5, "to": 2.0}}, (2.0, 8.0)),
-        ({"tolerance": "12 %", "values": -50.0}, (-56.0, -44.0)),
-        ({"tolerance": "12%", "values": -50.0}, (-56.0, -44.0)),
-        ({"tolerance": "0.5", "values": 3.0}, (2.5, 3.5)),
-        ({"tolerance": "0.5"}, None),
-        ({"values": 3.0}, None),
-    ],
-)
-def test_what_counts_as_within_a_row(entry, band):
-    row = {"table": "1", "quantity": "a_number", "unit": "1", **entry}
-    assert comparison.band_of(Entry.model_validate(row), {"x": 4.0}) == band
-
-
-def test_of_draws_the_limits_count_and_what_is_lacking_does_not():
-    values = [1.0, 2.0, 3.0, None]
-    answer = comparison.share_of(values, least=2.0, most=3.0)
-    assert (answer.n, answer.count) == (4, 2)
-    assert comparison.share_of(values, most=2.0).count == 2
-    assert comparison.share_of(values, least=-math.inf).count == 3
-    assert answer.interval == clopper_pearson(2, 4)
-
-
-def cell(ours: float | None, draws: object | None = None, **more: object):
-    """A row of a table; its band is 1 to 2."""
-    content = SimpleNamespace(labels={}, numbers={})
-    scenario = SimpleNamespace(content=content, cell={}, name="family/name")
-    entry = {
-        "table": "1",
-        "quantity": "a_number",
-        "unit": "1",
-        "tolerance": [1.0, 2.0],
-        **more,
-    }
-    inputs = Entry.model_validate({k: v for k, v in entry.items() if v is not None})
-    return comparison._row(scenario, inputs, ours, {}, draws)
-
-
-@pytest.mark.parametrize(
-    ("ours", "within"),
-    [(0.9, False), (1.0, True), (1.5, True), (2.0, True), (2.1, False), (None, None)],
-)
-def test_a_cell_at_the_edge_of_its_band_is_within(ours, within):
-    assert cell(ours).within is within
-    assert cell(1.5, values=ours).paper_within is within
-    assert cell(ours, tolerance=None).within is None
-
-
-@pytest.mark.parametrize(
-    ("least", "most", "ours", "within"),
-    [
-        (3.0, 4.0, 1.5, True),
-        (3.0, 3.0, 1.5, True),
-        (2.9, 4.0, 1.5, False),
-        (3.0, 4.1, 1.5, False),
-        (None, 4.0, 1.5, False),
-        (3.0, None, 1.5, False),
-        (3.0, 4.0, 2.5, False),
-    ],
-)
-def test_each_draw_of_a_cell_is_to_be_in_its_band(least, most, ours, within):
-    draws = comparison.Spread(2, least, most, (3.0, 4.0))
-    assert cell(ours, draws).within is within
-    assert cell(1.5, replace(draws, band=None)).within is True
-
-
-def test_cells_are_counted_by_what_they_show():
-    rows = [
-        cell(1.5, values=1.6),
-        cell(1.5, values=3.0),
-        cell(3.0, values=1.5),
-        cell(1.5, values=1.5, tuned="a gain"),
-        cell(1.5, tuned="a gain"),
-        cell(1.5, values=1.5, in_sample="a choice"),
-        cell(1.5),
-        cell(3.0),
-        cell(None, not_judged="why", tolerance=None),
-        cell(1.5, tolerance=None),
-    ]
-    assert comparison.count(rows) == {
-        "rows": 10,
-        "not_judged": 1,
-        "banded": 8,
-        "within": 6,
-        "tuned": 2,
-        "without_paper": 2,
-        "in_sample": 1,
-        "out_of_sample": 3,
-        "out_of_sample_within": 2,
-        "paper_outside": 1,
-    }
-    assert (cell(1.5).case, cell(1.5, case="1").case) == ("name", "1")
-    assert (cell(1.5).heading, cell(1.5, heading="how long").heading) == (
-        "a number",
-        "how long",
-    )
-    assert (cell(1.5).method, cell(1.5, label="ours").method) == ("", "ours")
-    assert cell(1.5, definition="as it says").definition == "as it says"
-
-
-# --- what the last run of mutations left ----------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("name", "known", "message"),
-    [
-        (
-            "abcx",
-            ["abcxyz", "abcxaa"],
-            "; did you mean abcxaa?",
-        ),  # the first that it begins
-        ("abc", ["abcdefghijkl"], "; did you mean abcdefghijkl?"),
-        (
-            "ab",
-            ["abcdefghijkl"],
-            "; there is abcdefghijkl",
-        ),  # two letters begin too much
-        (
-            "yaw_rate",
-            ["yaw_ratio", "yaw_rates_of_all"],
-            "; did you mean yaw_rates_of_all?",
-        ),
-        ("x" * 200, ["y"], "; there is y"),
-        ("x" * 201, ["y"], ""),
-    ],
-)
-def test_the_nearest_name(name, known, message):
-    assert nearest(name, known) == message
-
-
-@pytest.mark.parametrize(
-    ("count", "message"), [(2000, "; did you mean n7?"), (2001, "")]
-)
-def test_no_nearest_of_very_many_names(count, message):
-    assert nearest("n7 ", (f"n{i}" for i in range(count))) == message
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("sweep", "plant/spin", "spacecraft.x=1", "--samples", "-1"), "--samples"),
-        (("campaign", "case", "nowhere", "--", "-1"), "'number'"),
-    ],
-)
-def test_numbers_below_the_least_are_refused(arguments, message, desat):
-    outcome = desat(*arguments)
-    assert outcome.returncode == Exit.INPUT
-    assert message in outcome.stderr
-    assert "greater than or equal to 0" in outcome.stderr
-
-
-def test_what_size_recommends_by_default():
-    """As its page says: a duty of 50 %, a margin of 1.3, its own tip-off, other laws, a
-    year's extremes and closed loops."""
-    from desat.cli.commands.size import size
-
-    usual = {name: p.default for name, p in inspect.signature(size).parameters.items()}
-    assert (usual["duty"], usual["margin"], usual["tip_off"]) == (50.0, 1.3, None)
-    assert (usual["laws"], usual["year"], usual["loop"], usual["as_map"]) == (
-        None,
-        True,
-        True,
-        False,
-    )
-
-
-@pytest.mark.parametrize(
-    ("values", "wish", "page"),
-    [
-        ((), True, "size-nadir_day-day-dipole.html"),
-        (("--laws",), True, "size-nadir_day-day-dipole.html"),
-        (("--own-law",), False, "size-nadir_day-day-dipole.html"),
-        (("--map",), False, "size-map-nadir_day-day-dipole.html"),
-        (("--map", "--laws"), True, "size-map-nadir_day-day-dipole.html"),
-        (("--map", "--own-law"), False, "size-map-nadir_day-day-dipole.html"),
-    ],
-)
-def test_other_laws_than_the_crafts_by_default_but_of_maps(
-    values, wish, page, monkeypatch, tmp_path, desat
-):
-    from desat.sizing import map as sizing_map
-    from desat.sizing import page as sizing_page
-    from desat.sizing import sizing
-
-    requests: dict[str, object] = {}
-    result = SimpleNamespace(problems=[], as_json=dict)
-    monkeypatch.setattr(
-        sizing,
-        "size",
-        lambda target, options, wishes, progress: (
-            requests.update(laws=wishes.laws) or result
-        ),
-    )
-    monkeypatch.setattr(
-        sizing_map,
-        "map_of",
-        lambda target, options, axes, *rest: requests.update(laws=axes.laws) or result,
-    )
-    monkeypatch.setattr("desat.cli.commands.size._print_sizing", lambda result: None)
-    monkeypatch.setattr("desat.cli.commands.size._print_map", lambda result: None)
-    for name in ("write_sizing", "write_map"):
-        monkeypatch.setattr(
-            sizing_page, name, lambda result, page: requests.update(page=page) or page
-        )
-    monkeypatch.chdir(tmp_path)
-    assert desat("size", "nadir_day/day-dipole", *values).returncode == 0
-    assert requests["laws"] is wish
-    assert requests["page"] == Path("runs") / page
-
-
-def test_jacobi_records_its_first_row_whatever_is_left_out():
-    """Row 0 is of the start; each second row beside it."""
-    options = Options(algorithm="jacobi", every=2, stop=6.0, blocks=True)
-    run = simulate(prepare("nadir_day/day-dipole", options))
-    assert run.results.times()[:3].tolist() == [0.0, 2.0, 4.0]
-
-
-def test_checkpoints_are_so_many_seconds_of_the_run_apart(tmp_path, monkeypatch):
-    """Not so many steps: a step of half a second has twice as many between two."""
-    apart: list[int] = []
-    monkeypatch.setattr(
-        "desat.runs.step_case.Checkpoints",
-        lambda folder, every, *rest: (
-            apart.append(every) or (_ for _ in ()).throw(RunError("seen"))
-        ),
-    )
-    case = prepare(
-        "nadir_day/day-dipole", Options(step=0.5, stop=60.0, checkpoint=10.0)
-    )
-    with pytest.raises(RunError, match="seen"):
-        simulate(case, tmp_path / "run")
-    assert apart == [20]
-
-
 # --- requirements of a single run -----------------------------------------------------
 
 REQUIRED = """extends = "integrated/mil-nadir"
@@ -709,24 +366,3 @@ def test_a_number_that_is_not_recorded_is_not_judged():
         {"requirements": {"r": {"number": "x", "max": 1.0}}}
     )
     assert verdicts.judge(content, {}, 0.0, 1.0) == ({}, {"x": "not recorded"})
-
-
-def test_a_checkpoint_says_how_long_the_run_took_until_then(tmp_path):
-    options = Options(stop=60.0, checkpoint=10.0, blocks=True)
-    run = simulate(prepare("nadir_day/day-dipole", options), tmp_path / "run")
-    answer = newest(tmp_path / "run").about["seconds"]
-    assert 0.0 < answer <= run.manifest.wall_seconds
-
-
-def test_the_first_option_that_belongs_to_a_map_is_named(desat):
-    outcome = desat("size", "nadir_day/day-dipole", "--dipoles", "0.1", "--rods", "1,2")
-    assert outcome.returncode == Exit.INPUT
-    assert "--rods: it belongs to --map" in outcome.stderr
-
-
-def test_check_is_as_run_by_default():
-    """It takes an FMU's faults as warnings, and nothing from outside a system's folder."""
-    from desat.cli.commands.check import check
-
-    usual = inspect.signature(check).parameters
-    assert (usual["strict"].default, usual["outside"].default) == (False, False)

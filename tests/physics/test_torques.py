@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import math
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import desat as library
+from desat.begin.craft import write
+from desat.begin.facts import CraftFacts
 from desat.components.blocks.spacecraft_rigid import SpacecraftRigid
 from desat.components.contract.block import BlockError
 from desat.components.maths import vector
-from desat.components.maths.attitude import rotate, rotate_back
+from desat.components.maths.attitude import normalised, rotate, rotate_back
 from desat.components.physics import torques
 from desat.components.physics.gyrostat import carrier_inertia, inverse_inertia
 from desat.components.physics.orbit import MU
-from desat.runs.run import Options, execute
+from desat.runs.run import execute
+from desat.system.options import Options
 from tests.conftest import ROOT
 
 TRUTH = np.loadtxt(
@@ -197,3 +204,47 @@ def test_bad_inertia_is_named():
     )
     with pytest.raises(BlockError):
         inverse_inertia(carrier)
+
+
+def test_a_driven_panel_faces_the_sun_as_a_flat_area_does() -> None:
+    sun = normalised((0.3, 0.5, -0.8, 0.0))[:3]
+    rows = (1.0, 0.0, 0.0, 2.0, 0.0, -1.5, 0.0, 0.0, 0.0) + (0.0,) * 9 * 15
+    drives = (0.0, 3.0, 0.0) + (0.0,) * 45
+    plates = torques.plates_of(rows)
+    turned = torques.facing(plates, torques.drives_of(rows, drives), sun)
+    across = math.sqrt(sun[0] ** 2 + sun[2] ** 2)
+    # a black plate whose normal is as near to the Sun as its drive lets it: cos is |s
+    # across|
+    expected = torques.radiation(sun, 1.0, 2.0 * across, (0.0, -1.5, 0.0))
+    assert torques.radiation_on_plates(sun, 1.0, turned) == pytest.approx(expected)
+    fixed = torques.facing(plates, torques.drives_of(rows, (0.0,) * 48), sun)
+    assert fixed == plates
+
+
+def test_driven_panels_balance_in_a_run(tmp_path: Path) -> None:
+    """The torque that is computed outside the body, from its parameters, is its own."""
+    write(
+        tmp_path / "mine",
+        CraftFacts(
+            orbit="geo",
+            size="12U",
+            rods="none",
+            thrusters="4 50mN",
+            dump="thrusters 70:10",
+            pointing="yaw",
+        ),
+        "",
+    )
+    rows = [[1, 0, 0, 0.5, 0, -0.4, 0, 0.1, 0.1], [1, 0, 0, 0.3, 0, 0.4, 0, 0.0, 0.2]]
+    run = library.run(
+        str(tmp_path / "mine"),
+        {
+            "spacecraft.radiation": "plates",
+            "spacecraft.plates": rows,
+            "spacecraft.drive_plate": [[0, 1, 0], [0, 1, 0]],
+        },
+        stop=20000.0,
+    )
+    residual = run.manifest.numbers["impulse_mismatch"].value
+    largest = np.abs(run.results.values("spacecraft.impulse_eci")).max()
+    assert residual < 1e-6 * largest

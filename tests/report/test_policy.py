@@ -129,7 +129,7 @@ LINES = {
 if "papers" in ABSENT:
     del LINES["tables"]
 """How a page of each kind is written; those of `desat size` and `export web` take
-longer, and are checked where they are made (test_sizing.py, test_web.py)."""
+longer, and are checked where they are made (tests/sizing/test_sizing.py, tests/web/test_page.py)."""
 
 
 @pytest.fixture(scope="module")

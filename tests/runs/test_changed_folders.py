@@ -11,12 +11,17 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import h5py
+import numpy as np
 import pytest
 
+from desat.analyses import residual
 from desat.begin.craft import write
 from desat.begin.facts import CraftFacts
-from desat.runs.run import Options, execute, load_run
+from desat.runs.run import execute, load_run
 from desat.system.errors import DesatError, Exit
+from desat.system.options import Options
+from tests.fuzz import commands
 
 VALUES = (None, 0, "x", [], {})
 TRIED = 25  # changes of each file
@@ -119,3 +124,166 @@ def test_series_of_another_run_are_refused(folders, tmp_path, desat, command):
     assert "its series are of another run" in done.stderr
     with pytest.raises(DesatError, match="its series are of another run"):
         load_run(copy)
+
+
+READERS = (
+    "export run bad --format csv --out made",
+    "export run bad --format parquet --out made",
+    "export run bad --format mat --out made",
+    "export run bad --format png --out made",
+    "report bad",
+    "compare bad good --html made.html",
+    "compare good bad --html made.html",
+    "bound bad",
+)
+
+
+@pytest.fixture(scope="module")
+def good_run(tmp_path_factory):
+    """The folder in which a run lies."""
+    folder = tmp_path_factory.mktemp("ends")
+    line = "run nadir_day/day-dipole --stop 40 --blocks --substeps 1 --out good"
+    assert commands.ended(line.split(), folder)[0] in (0, 1)
+    return folder
+
+
+@pytest.fixture
+def bad_run(good_run):
+    """The folder of a copy of it, to be damaged."""
+    bad = good_run / "bad"
+    shutil.rmtree(bad, ignore_errors=True)
+    shutil.rmtree(good_run / "made", ignore_errors=True)
+    (good_run / "made.html").unlink(missing_ok=True)
+    shutil.copytree(good_run / "good", bad)
+    return bad
+
+
+def assert_refused(bad, text):
+    """All commands that read a run folder refuse one in a line, and leave nothing
+    behind."""
+    before = sorted(p.name for p in bad.iterdir())
+    for line in READERS:
+        code, message = commands.ended(line.split(), bad.parent)
+        assert code == Exit.INPUT, (line, message)
+        assert text in message, line
+        assert "internal" not in message
+        assert len(message.splitlines()) == 1
+    output = bad.parent / "made"
+    assert not output.exists() or not list(output.iterdir())
+    assert not (bad.parent / "made.html").exists()
+    assert sorted(p.name for p in bad.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "text"),
+    [
+        (["numbers"], [], "numbers has not the form that it needs"),
+        (["numbers", "*", "value"], "x", "value is 'x'; a number or null is needed"),
+        (["numbers", "*", "title"], None, "title is None; a text is needed"),
+        (["numbers", "*", "unit"], 3, "unit is 3; a text is needed"),
+        (["numbers", "*"], {"x": 1}, "numbers has not the form that it needs"),
+        (["parameters", "spacecraft"], 3, "parameters has not the form that it needs"),
+        (
+            ["parameters", "spacecraft", "inertia"],
+            {},
+            "parameters has not the form that it needs",
+        ),
+        (["choices"], {"a.b": 3}, "choices.a.b is 3; a list is needed"),
+        (["stop"], "soon", "stop is 'soon'; a number is needed"),
+        (["stop"], 10**310, "stop is 1000"),
+        (["warnings"], [3], "warnings[1] is 3; a text is needed"),
+        (["momentum_balance"], 3, "no manifest of a run: "),
+        (
+            ["substep_choice"],
+            {},
+            "substep_choice has not the form that it needs ('reached')",
+        ),
+        (["status"], None, "no manifest of a run (it has no status)"),
+    ],
+)
+def test_an_altered_manifest_is_refused_with_its_key(bad_run, path, value, text):
+    file = bad_run / "manifest.json"
+    answer = table = json.loads(file.read_text())
+    if path == ["momentum_balance"]:
+        path = [residual.KEY]
+    for key in path[:-1]:
+        table = table[next(iter(table)) if key == "*" else key]
+    table[next(iter(table)) if path[-1] == "*" else path[-1]] = value
+    file.write_text(json.dumps(answer))
+    assert_refused(bad_run, text)
+
+
+def _cut(file):
+    file.write_bytes(file.read_bytes()[:3000])
+
+
+def _without_time(file):
+    with h5py.File(file, "r+") as opened:
+        del opened["time"]
+
+
+def _time_stands_still(file):
+    with h5py.File(file, "r+") as opened:
+        opened["time"][3] = opened["time"][2]
+
+
+def _replace_series(value):
+    def change(file):
+        with h5py.File(file, "r+") as opened:
+            del opened["spacecraft/q_bi"]
+            opened["spacecraft/q_bi"] = value
+
+    return change
+
+
+def _group_is_a_series(file):
+    with h5py.File(file, "r+") as opened:
+        del opened["spacecraft"]
+        opened["spacecraft"] = np.zeros(3)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        _cut,
+        _without_time,
+        _time_stands_still,
+        _replace_series(np.zeros((4, 4))),
+        _replace_series(3.0),
+        _replace_series(b"text"),
+        _replace_series(np.zeros((41, 2, 2))),
+        _group_is_a_series,
+    ],
+)
+def test_damaged_series_are_refused_with_their_file(bad_run, change):
+    change(bad_run / "series.h5")
+    assert_refused(bad_run, "bad: no readable series (")
+
+
+def test_a_series_without_its_unit_is_refused_with_its_name(bad_run):
+    with h5py.File(bad_run / "series.h5", "r+") as opened:
+        del opened["spacecraft/q_bi"].attrs["unit"]
+    line = "export run bad --format csv --out made"
+    code, message = commands.ended(line.split(), bad_run.parent)
+    assert code == Exit.INPUT
+    assert "series.h5: spacecraft.q_bi, attribute unit, cannot be read" in message
+    assert list((bad_run.parent / "made").iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["ger\u00e4t", "ger\udce4t", "ger\udcc3\udca4t"])
+def test_a_folder_of_any_name_is_written(tmp_path, good_run, name):
+    """Of UTF-8, of another encoding, and as Python has it where the locale is not
+    UTF-8."""
+    lines = (
+        f"campaign nadir_day/day-dipole -n 1 --stop 20 --jobs 1 --blocks --substeps 1 --out {name}",
+        f"campaign report {name}",
+        f"run nadir_day/day-dipole --stop 20 --blocks --substeps 1 --csv --out run-{name}",
+        f"export run run-{name} --format parquet --out made-{name}",
+        f"report run-{name}",
+        f"compare run-{name} {good_run / 'good'} --html made-{name}.html",
+    )
+    for line in lines:
+        code, message = commands.ended(line.split(), tmp_path)
+        assert code in (0, 1), (line, message)
+    page = (tmp_path / f"made-{name}.html").read_bytes().decode()
+    assert ("ger\ufffdt" if name == "ger\udce4t" else "ger\u00e4t") in page

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from desat.campaign.draws import draws
 from desat.runs import stopping
-from desat.runs.run import Options, execute, prepare
+from desat.runs.run import execute, prepare
+from desat.runs.stopping import LATE, Condition
 from desat.system.errors import DesatError, Exit, MisfitError
+from desat.system.options import Options
 from tests.conftest import but
 
 NAME = "integrated/mil-nadir"
@@ -200,3 +204,96 @@ def test_the_command_ends_with_5_and_keeps_the_run(desat, tmp_path):
         json.loads((tmp_path / "a/manifest.json").read_text())["status"] == "timed out"
     )
     assert (tmp_path / "a/report.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "result"),
+    [
+        ("Boolean", True, 1),
+        ("Boolean", False, 0),
+        ("Boolean", 1, "Boolean: true or false"),
+        ("Integer", 3, 3),
+        ("Integer", "b", 1),
+        ("Integer", True, "is an Integer"),
+        ("Integer", "bb", "no value bb; did you mean b?"),
+        ("Real", 1, "a Real, which has below"),
+    ],
+)
+def test_what_a_condition_may_reach(kind, value, result):
+    signal = SimpleNamespace(kind=kind, array="mode", choices=["a", "b"])
+    if isinstance(result, int):
+        assert stopping._reaches(signal, value) == result
+    else:
+        with pytest.raises(DesatError, match=result):
+            stopping._reaches(signal, value)
+
+
+@pytest.mark.parametrize("seconds", [None, 5.0])
+def test_the_time_is_over_after_it_and_not_at_it(monkeypatch, seconds):
+    now = 10.0
+    monkeypatch.setattr(stopping.time, "monotonic", lambda: now)
+    ending = stopping.watch(SimpleNamespace(slots=[]), None, seconds)
+    assert ending.kind == "never"
+    for now, late in (14.9, False), (15.0, False), (math.nextafter(15.0, 16.0), True):  # noqa: B007
+        assert ending.reason() == (LATE if late and seconds else "")
+
+
+@pytest.mark.parametrize("interval", [True, False])
+@pytest.mark.parametrize("algorithm", ["gauss_seidel", "jacobi"])
+def test_a_condition_is_to_hold_for_its_time(interval, algorithm):
+    """From the row that it holds at, which of an interval output began a step ago; anew
+    where it was broken."""
+    live = {"Real": np.array([0.0, 1.0])}
+    x, y = (SimpleNamespace(name=name, series=name) for name in "xy")
+    slot = SimpleNamespace(
+        component="a", signal=x, kind="Real", index=1, interval=interval
+    )
+    others = [
+        SimpleNamespace(component="b", signal=x),
+        SimpleNamespace(component="a", signal=y),
+    ]
+    master = SimpleNamespace(
+        slots=[*others, slot],
+        live=live,
+        start=3.0,
+        step_size=0.1,
+        k=0,
+        algorithm=algorithm,
+    )
+    at_start = not (interval and algorithm == "gauss_seidel")
+    ending = stopping.watch(
+        master, Condition("a", "x", "below", 2.0, 0.3, "it is low"), None
+    )
+    assert (ending.watched, ending.limit, ending.kind) == ([slot], 2.0, "below")
+    assert ending.memory == ({"since": 3.0} if at_start else {})
+    met = []
+    for k, value in enumerate((1.0, 1.0, 1.0, 9.0, 1.0, 1.0, 1.0, 1.0), start=1):
+        master.k, live["Real"][1] = k, value
+        met.append(ending.reason())
+    assert met == ["", "", "it is low" if at_start else "", "", "", "", "", "it is low"]
+    live["Real"][1] = 9.0
+    ending.reason()
+    assert ending.memory == {}
+
+
+def test_a_condition_that_has_just_held_long_enough_is_met():
+    x = SimpleNamespace(name="x", series="x")
+    slot = SimpleNamespace(
+        component="a", signal=x, kind="Real", index=0, interval=False
+    )
+    master = SimpleNamespace(
+        slots=[slot],
+        live={"Real": np.array([1.0])},
+        start=0.0,
+        k=2,
+        step_size=0.5,
+        algorithm="gauss_seidel",
+    )
+    held = 1.0 + 1e-9
+    assert held - 1e-9 == 1.0
+    ending = stopping.watch(
+        master, Condition("a", "x", "below", 2.0, held, "low"), None
+    )
+    assert ending.reason() == "low"
+    master.step_size = math.nextafter(0.5, 0.0)
+    assert ending.reason() == ""

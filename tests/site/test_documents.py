@@ -354,7 +354,7 @@ def unheld(text: str) -> set[str]:
 
 
 def test_a_number_on_a_page_is_held_or_accepted() -> None:
-    """A new number in prose is made by a generator or a script of tests/test_site.py,
+    """A new number in prose is made by a generator or a script of tests/site/test_site.py,
     or stands in ACCEPTED with its reason; one that is gone leaves there."""
     docs = ROOT / "docs"
     written = {docs / page for page in GENERATED} | set(SCRIPTS)

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 from tests.conftest import ROOT
+from tests.style.source import nodes_of
 
 #: Functions above ruff's C901 at 10 or PLR0915 at 40, and the reason. The list may only
 #: shrink.
@@ -58,10 +59,9 @@ RULES = [
 
 def name_of(file: Path, line: int) -> str:
     """Return file and name of the function that begins at a line."""
-    tree = ast.parse(file.read_text(encoding="utf-8"))
     (name,) = (
         node.name
-        for node in ast.walk(tree)
+        for node in nodes_of(file)
         if isinstance(node, ast.FunctionDef) and node.lineno == line
     )
     return f"{file.relative_to(ROOT).as_posix()} {name}"

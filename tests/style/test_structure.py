@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import ABSENT, ROOT
+from tests.style.source import nodes_of
 
 HOME = ROOT / "orchestrator"
 ROOMS = (
@@ -60,7 +61,7 @@ def imported(
     """The modules that a file imports, also within functions and for types alone: who
     reads the one must know the other."""
     package = module if file.name == "__init__.py" else module.rpartition(".")[0]
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    for node in nodes_of(file):
         if isinstance(node, ast.Import):
             targets = [(alias.name, "") for alias in node.names]
         elif isinstance(node, ast.ImportFrom):

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import ast
 import builtins
-import io
 import keyword
 import re
 import tokenize
@@ -18,6 +17,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import ROOT
+from tests.style.source import CODE, files_in, nodes_of, tree_of
 
 TEXTS = (
     "docs/**/*.md",
@@ -30,7 +30,6 @@ TEXTS = (
     "benchmarks/*.md",
     "*.md",
 )
-CODE = ("orchestrator", "components", "fmus")
 PRINTED = (
     "orchestrator/cli/commands/",
     "orchestrator/papers/commands/",
@@ -76,13 +75,9 @@ def of_code(file: Path) -> Iterator[tuple[int, str]]:
     """Lines and texts of a file that are no single words, as names and keys, and no
     docstrings that are for its readers alone."""
     printed = file.relative_to(ROOT).as_posix().startswith(PRINTED)
-    tree = ast.parse(file.read_text(encoding="utf-8"))
-    docs = (
-        set()
-        if printed
-        else {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Expr)}
-    )
-    for node in ast.walk(tree):
+    nodes = nodes_of(file)
+    docs = set() if printed else {id(n.value) for n in nodes if isinstance(n, ast.Expr)}
+    for node in nodes:
         text = (
             node.value
             if isinstance(node, ast.Constant) and id(node) not in docs
@@ -108,10 +103,9 @@ def of_page(file: Path) -> Iterator[tuple[int, str]]:
 
 def all_texts() -> Iterator[tuple[str, str]]:
     """Places and texts that users read."""
-    for folder in CODE:
-        for file in sorted((ROOT / folder).rglob("*.py")):
-            for number, text in of_code(file):
-                yield f"{file.relative_to(ROOT)}:{number}", text
+    for file in files_in(*CODE):
+        for number, text in of_code(file):
+            yield f"{file.relative_to(ROOT)}:{number}", text
     for form in TEXTS:
         for file in sorted(ROOT.glob(form)):
             name = file.relative_to(ROOT).as_posix()
@@ -176,7 +170,7 @@ def is_text(node: ast.AST) -> bool:
 class CodeNames:
     """The names that the code of the package has."""
 
-    def __init__(self, trees: dict[Path, ast.Module]) -> None:
+    def __init__(self, files: Iterable[Path]) -> None:
         self.files: set[str] = set()
         self.anywhere = {
             *dir(builtins),
@@ -186,12 +180,12 @@ class CodeNames:
             Path, set[str]
         ] = {}  # by file, every name and text of its code
         self.members: dict[str, set[str]] = {}  # by module and class
-        for file, tree in trees.items():
+        for file in files:
             module = file.parent.name if file.stem == "__init__" else file.stem
             self.anywhere.update(file.with_suffix("").relative_to(ROOT).parts)
             self.within[file] = set()
-            self._add_members(module, tree)
-            self._add_code(file, tree)
+            self._add_members(module, tree_of(file))
+            self._add_code(file)
         for folder in (*CODE, "tests", "benchmarks"):
             self.files.update(path.name for path in (ROOT / folder).rglob("*"))
         for file in (ROOT / "orchestrator").rglob("*"):
@@ -215,11 +209,11 @@ class CodeNames:
             if isinstance(node, ast.ClassDef) and node is not tree:
                 self._add_members(node.name, node)
 
-    def _add_code(self, file: Path, tree: ast.Module) -> None:
+    def _add_code(self, file: Path) -> None:
         """Add the names of a file: a local variable counts in its own file alone."""
-        texts = {id(node.value) for node in ast.walk(tree) if is_text(node)}
+        texts = {id(node.value) for node in nodes_of(file) if is_text(node)}
         within = self.within[file]
-        for node in ast.walk(tree):
+        for node in nodes_of(file):
             if isinstance(node, ast.FunctionDef | ast.ClassDef):
                 self.anywhere.add(node.name)
             elif isinstance(node, ast.Name):
@@ -272,22 +266,22 @@ class CodeNames:
         return [name for name in IDENTIFIER.findall(span) if name not in known]
 
 
-def texts_for_readers(source: str, tree: ast.Module) -> Iterator[tuple[int, str]]:
+def texts_for_readers(file: Path) -> Iterator[tuple[int, str]]:
     """Yield lines and texts of docstrings and comments."""
-    for node in ast.walk(tree):
+    for node in nodes_of(file):
         if is_text(node):
             yield node.lineno, node.value.value
-    for token in tokenize.generate_tokens(io.StringIO(source).readline):
-        if token.type == tokenize.COMMENT:
-            yield token.start[0], token.string
+    with tokenize.open(file) as lines:
+        for token in tokenize.generate_tokens(lines.readline):
+            if token.type == tokenize.COMMENT:
+                yield token.start[0], token.string
 
 
 def stale_names(files: Iterable[Path], known: CodeNames) -> Iterator[str]:
     """Yield a line for each text in backticks that names what the package does not
     have."""
     for file in files:
-        source = file.read_text(encoding="utf-8")
-        for line, text in texts_for_readers(source, ast.parse(source)):
+        for line, text in texts_for_readers(file):
             for span in re.findall(r"`([^`]+)`", text):
                 if unknown := known.unknown_in(span, file):
                     yield f"{file.relative_to(ROOT)}:{line}: `{span}`: no {', '.join(unknown)}"
@@ -295,14 +289,11 @@ def stale_names(files: Iterable[Path], known: CodeNames) -> Iterator[str]:
 
 @pytest.fixture(scope="module")
 def code_names() -> CodeNames:
-    files = [file for folder in CODE for file in (ROOT / folder).rglob("*.py")]
-    return CodeNames(
-        {file: ast.parse(file.read_text(encoding="utf-8")) for file in files}
-    )
+    return CodeNames(files_in(*CODE))
 
 
 def test_names_in_backticks_exist(code_names: CodeNames) -> None:
-    files = sorted((ROOT / "orchestrator").rglob("*.py"))
+    files = files_in("orchestrator")
     assert "\n".join(stale_names(files, code_names)) == ""
 
 
@@ -351,10 +342,10 @@ KEPT_NAMES = {
 }
 
 
-def bare_names(source: str) -> set[str]:
-    """Return the bare participles and question words that a source uses as names."""
+def bare_names(nodes: Iterable[ast.AST]) -> set[str]:
+    """Return the bare participles and question words that code uses as names."""
     found = set()
-    for node in ast.walk(ast.parse(source)):
+    for node in nodes:
         match node:
             case ast.Name(id=name, ctx=ast.Store()):
                 found.add(name)
@@ -372,30 +363,27 @@ def bare_names(source: str) -> set[str]:
 def test_names_are_nouns_and_verbs() -> None:
     found = {
         (file.relative_to(ROOT).as_posix(), name)
-        for folder in (*CODE, "tests", "benchmarks")
-        for file in sorted((ROOT / folder).rglob("*.py"))
-        for name in bare_names(file.read_text(encoding="utf-8"))
+        for file in files_in(*CODE, "tests", "benchmarks")
+        for name in bare_names(nodes_of(file))
     }
     assert found == set(KEPT_NAMES)
 
 
 def test_a_bare_name_is_found() -> None:
-    assert bare_names("def f(wanted): kept, x.own = 1, _LOST\nclass How: pass") == {
-        "wanted",
-        "kept",
-        "own",
-        "How",
-    }
+    tree = ast.parse("def f(wanted): kept, x.own = 1, _LOST\nclass How: pass")
+    assert bare_names(ast.walk(tree)) == {"wanted", "kept", "own", "How"}
 
 
-def undocumented(tree: ast.Module) -> Iterator[str]:
+def undocumented(nodes: Iterable[ast.AST]) -> Iterator[str]:
     """Yield the names under `Parameters` of docstrings that are no parameters."""
-    for node in ast.walk(tree):
+    for node in nodes:
         if not isinstance(node, (ast.FunctionDef, ast.ClassDef)):
             continue
-        _, _, section = (ast.get_docstring(node) or "").partition(
+        _, heading, section = (ast.get_docstring(node) or "").partition(
             "Parameters\n----------\n"
         )
+        if not heading:
+            continue
         section = re.split(r"\n\n\w+\n-+\n", section)[0]
         listed = {
             name.strip().lstrip("*")
@@ -417,9 +405,8 @@ def is_field(node: ast.AST) -> bool:
 def test_documented_parameters_exist() -> None:
     found = [
         f"{file.relative_to(ROOT)}: {name}"
-        for folder in (*CODE, "benchmarks")
-        for file in sorted((ROOT / folder).rglob("*.py"))
-        for name in undocumented(ast.parse(file.read_text(encoding="utf-8")))
+        for file in files_in(*CODE, "benchmarks")
+        for name in undocumented(nodes_of(file))
     ]
     assert found == []
 
@@ -429,4 +416,4 @@ def test_a_parameter_that_is_not_there_is_found() -> None:
         "Do.\n\n    Parameters\n    ----------\n    x, y : float\n        Of it.\n    "
     )
     source = f'def f(x: float) -> None:\n    """{text}"""\n'
-    assert list(undocumented(ast.parse(source))) == ["f: y"]
+    assert list(undocumented(ast.walk(ast.parse(source)))) == ["f: y"]
