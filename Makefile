@@ -4,7 +4,7 @@ BIN := .venv/bin
 # Matrices are small: further threads of numpy only wait busily, on two cores six times as long.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo fmus ssp test check fuzz mutations builds bench house witness sizing papers site release clean
+.PHONY: demo fmus ssp test test-slow check fuzz mutations builds bench house witness sizing papers site release clean
 
 demo: ssp ## build everything, run and pack one scenario, say what it came to beside the paper's value
 	@rm -rf runs/demo
@@ -19,9 +19,12 @@ fmus: .venv/.installed ## build the FMUs of all blocks into fmus/dist/; PLATFORM
 ssp: fmus ## write the SSD of every craft; .ssp files are packed on demand: desat pack [NAME]
 	@$(BIN)/desat pack --ssd | grep -v ": current" || true
 
-test: .venv/.installed ## all tests
+test: .venv/.installed ## lint, types and all tests but the studies of test-slow
 	@$(MAKE) --no-print-directory -j2 check fmus
-	$(BIN)/python -m pytest -n 2 --dist worksteal
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow"
+
+test-slow: fmus ## the tests that take long: studies that show the state of a release
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m slow
 
 check: .venv/.installed ## lint, types, and blocks within what translates to C
 	@rm -rf .venv/names && mkdir -p .venv/names/desat

@@ -333,7 +333,7 @@ The closed loop of this project (attitude, wheels, coils, field, gravity gradien
 and a cross-product law at 1 s) in [Basilisk](https://hanspeterschaub.info/basilisk/)'s own modules
 of dynamics agrees with `desat run` to **{most:.1e} rad** in the worst of six cases; in each that is
 less than what Basilisk's own answer is known to. `benchmarks/basilisk_loop.py` is the loop,
-`make witness` flies it again and compares, `tests/test_basilisk.py` holds ours against the stored
+`make witness` flies it again and compares, `tests/benchmarks/test_witness.py` holds ours against the stored
 trajectories. Made on {date} with bsk {basilisk} and desat {desat}.
 
 ## The same equations

@@ -4,7 +4,7 @@ usual ones.
 `python tests/builds.py windows` runs one block's libraries for Linux and Windows beside
 each other. `python tests/builds.py zig` or `sanitizers` builds all of them into a
 temporary folder. Each block, its Python FMU, its usual native FMU and the other one get
-the inputs of test_native.py, and one scenario of each family runs its first 600 steps
+the inputs of tests/fmus/test_native.py, and one scenario of each family runs its first 600 steps
 with both builds: all bits must be equal. zig needs the package ziglang; under
 sanitizers the first complaint ends the process. With names of scenarios only these and
 their blocks are tried.
@@ -21,14 +21,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import test_native
-import test_platforms
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from desat.engine import compiled
 from desat.files import paths
 from desat.fmus import native
 from desat.fmus.compiler import compiler
 from desat.runs.run import Options, execute, prepare
+from tests.fmus import test_native, test_platforms
 
 SCENARIOS = (
     "nadir_day/day-igrf",

@@ -12,7 +12,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,26 +33,13 @@ ROOT = Path(__file__).resolve().parent.parent
 
 # --- rooms behind walls: the package works without them -------------------------------
 
-TESTS_OF = {
-    "papers": (
-        *(
-            "alsat1",
-            "hausat2",
-            "integrated",
-            "magnetic",
-            "not_reached",
-            "space_telescope",
-        ),
-        *("pages", "tables_uosat12"),
-    ),
-    "web": ("web",),
-}
+TESTS_OF = {"papers": ("papers", "site/test_pages.py"), "web": ("web",)}
 ABSENT = [
     package
     for package in TESTS_OF
     if importlib.util.find_spec(f"desat.{package}") is None
 ]
-collect_ignore = [f"test_{name}.py" for package in ABSENT for name in TESTS_OF[package]]
+collect_ignore = [path for package in ABSENT for path in TESTS_OF[package]]
 
 
 class AbsentModule:
@@ -143,12 +130,42 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker("in_browser")
 
 
+SLOW_LEFT_OUT = pytest.StashKey[int]()
+
+
+def pytest_deselected(items: Sequence[pytest.Item]) -> None:
+    """Count the slow tests that are left out, for who collects them."""
+    count = sum(item.get_closest_marker("slow") is not None for item in items)
+    if count:
+        config = items[0].config
+        config.stash[SLOW_LEFT_OUT] = config.stash.get(SLOW_LEFT_OUT, 0) + count
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Hand the count of a worker on to the process that reports."""
+    output = getattr(session.config, "workeroutput", None)
+    if output is not None:
+        output["slow_left_out"] = session.config.stash.get(SLOW_LEFT_OUT, 0)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: Any) -> None:
+    """Keep the count of a worker; all of them collect the same tests."""
+    output = getattr(node, "workeroutput", None) or {}  # none where it died
+    if count := output.get("slow_left_out"):
+        node.config.stash[SLOW_LEFT_OUT] = count
+
+
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Say whether the tests in a browser ran, and which tests did not for want of a
-    room."""
+    """Say whether the tests in a browser ran, and which tests did not: the slow ones,
+    and those for want of a room."""
+    if count := terminalreporter.config.stash.get(SLOW_LEFT_OUT, 0):
+        terminalreporter.write_line(
+            f"slow tests left out: {count}; `make test-slow` runs them"
+        )
     for package in ABSENT:
-        files = ", ".join(f"test_{name}.py" for name in TESTS_OF[package])
-        terminalreporter.write_line(f"desat.{package} is absent: not run: {files}")
+        places = ", ".join(f"tests/{path}" for path in TESTS_OF[package])
+        terminalreporter.write_line(f"desat.{package} is absent: not run: {places}")
     reports = {
         way: [
             report

@@ -14,13 +14,12 @@ from collections import Counter
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
-
-from test_failures import FAILURES, compiled, drawn_to_fail  # noqa: E402
+sys.path.insert(0, str(ROOT))
 
 from benchmarks import seen  # noqa: E402
 from desat.campaign import coordinator, store  # noqa: E402
 from desat.runs.run import Options  # noqa: E402
+from tests.engine.test_failures import FAILURES, compiled, drawn_to_fail  # noqa: E402
 
 WAYS = ["NOTHING"] * 989 + ["SEGFAULT"] * 10 + ["HANG"]
 LIMIT = 2.0

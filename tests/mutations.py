@@ -100,49 +100,49 @@ OPERATORS = [
 
 # These hold FMUs, packed files, pages or the engine against the code, or take long.
 OF_BLOCKS = {
-    "fmus",
-    "native",
-    "ssp",
-    "craft",
-    "pages",
-    "structure",
-    "install",
-    "witness",
-    "fuzz",
-    "cli",
-    "campaign",
-    "checkpoint",
-    "failures",
-    "language",
-    "family",
-    "tables_uosat12",
-    "results",
-    "loop",
-    "master",
-    "check",
-    "expression",
-    "guards",
-    "stopping",
-    "studies",
-    "rates",
-    "convergence",
-    "gyrostat",
-    "space_telescope",
+    "fmus/fmus",
+    "fmus/native",
+    "files/ssp",
+    "files/craft",
+    "site/pages",
+    "style/structure",
+    "library/install",
+    "export/independent_masters",
+    "fuzz/fuzz",
+    "cli/cli",
+    "campaign/campaign",
+    "engine/checkpoint",
+    "engine/failures",
+    "language/scenario",
+    "site/family",
+    "papers/tables_uosat12",
+    "engine/results",
+    "engine/loop",
+    "engine/master",
+    "runs/checking",
+    "system/expression",
+    "papers/stored",
+    "runs/stopping",
+    "campaign/draws",
+    "engine/rates",
+    "analyses/coverage",
+    "engine/exchange",
+    "papers/space_telescope",
 }
 
 
 # These hold pages and FMUs against the code, make folders of their own from it, or take
 # long.
 OF_RUNS = {
-    "fmus",
-    "native",
-    "pages",
-    "structure",
-    "install",
-    "changes",
-    "witness",
-    "fuzz",
-    "commands_cost",
+    "fmus/fmus",
+    "fmus/native",
+    "site/pages",
+    "style/structure",
+    "library/install",
+    "site/contributing",
+    "export/independent_masters",
+    "fuzz/fuzz",
+    "benchmarks/commands",
 }
 VERDICTS = {
     "system/errors.py": (),
@@ -327,14 +327,41 @@ def landed_lines(text: str, release: str) -> set[int]:
 # --- the copy, and which test runs which line -----------------------------------------
 
 
+def find_test_files(tree: Path, part: Part) -> list[Path]:
+    """Return the files of tests that run for a part."""
+    files = sorted((tree / "tests").rglob("test_*.py"))
+    return [file for file in files if name_test_file(file) not in part.left_out]
+
+
+def name_test_file(file: Path) -> str:
+    """Return folder and subject of a file of tests: `fmus/native`."""
+    return f"{file.parent.name}/{file.stem.removeprefix('test_')}"
+
+
+def map_of(folder: Path, file: Path) -> Path:
+    """Return the file that says which lines the tests of a file run."""
+    return folder / f"map.{name_test_file(file).replace('/', '.')}.json"
+
+
+def _renew_tests(tree: Path, folder: Path) -> None:
+    """Copy the tests that are new or other; remove those that were moved or removed."""
+    for file in (ROOT / "tests").rglob("*.py"):
+        old = tree / file.relative_to(ROOT)
+        if not old.exists() or old.read_bytes() != file.read_bytes():
+            old.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(file, old)
+            map_of(folder, file).unlink(missing_ok=True)
+    for old in (tree / "tests").rglob("*.py"):
+        if not (ROOT / old.relative_to(tree)).exists():
+            old.unlink()
+            map_of(folder, old).unlink(missing_ok=True)
+
+
 def copied(folder: Path, empty: bool) -> Path:
     """The repository's files in FOLDER/tree, with our FMUs, or (`empty`) empty ones."""
     tree = folder / "tree"
-    for file in (ROOT / "tests").glob("*.py") if tree.exists() else ():
-        old = tree / "tests" / file.name
-        if not old.exists() or old.read_bytes() != file.read_bytes():
-            shutil.copy2(file, old)
-            (folder / f"map.{file.stem[5:]}.json").unlink(missing_ok=True)
+    if tree.exists():
+        _renew_tests(tree, folder)
     if not tree.exists():
         process = subprocess.run(
             ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True
@@ -418,20 +445,15 @@ def _too_long(*_: object) -> None:
 
 def mapped(tree: Path, folder: Path, part: Part, until: float) -> bool:
     """Write FOLDER/map.FILE.json for each file of tests; True where all are there."""
-    files = [
-        p
-        for p in sorted((tree / "tests").glob("test_*.py"))
-        if p.stem[5:] not in part.left_out
-    ]
-    for file in files:
-        saved = folder / f"map.{file.stem[5:]}.json"
+    for file in find_test_files(tree, part):
+        saved = map_of(folder, file)
         if saved.exists():
             continue
         if time.time() > until:
             return False
         for _ in range(2):  # the limit of a test may end it where coverage holds a lock
             if (pid := os.fork()) == 0:
-                _quiet(folder / f"map.{file.stem[5:]}.log", 240)
+                _quiet(saved.with_suffix(".log"), 240)
                 os._exit(_map_file(tree, part, file, saved))
             if waited(pid, 400.0) is not None:
                 break
@@ -700,13 +722,10 @@ def chosen(
         return out
     module = Path(m["file"]).stem
     named = re.compile(rf"\b({module}|{module.title().replace('_', '')})\b")
-    files = (
-        f
-        for f in sorted((tree / "tests").glob("test_*.py"))
-        if f.stem[5:] not in part.left_out
-    )
     full = [
-        f"tests/{f.name}" for f in files if named.search(f.read_text(encoding="utf-8"))
+        str(file.relative_to(tree))
+        for file in find_test_files(tree, part)
+        if named.search(file.read_text(encoding="utf-8"))
     ]
     own_value = [x for x in out if x.partition("::")[0] not in full]
     return [PUBLISHED, *own_value, *full]
@@ -718,7 +737,7 @@ def _words(file: Path) -> set[str]:
     return set(re.findall(r"\w+", file.read_text(encoding="utf-8")))
 
 
-PUBLISHED = "tests/test_fmus.py::test_interfaces_page_is_current"
+PUBLISHED = "tests/fmus/test_fmus.py::test_interfaces_page_is_current"
 """Names, units, defaults and bounds of all variables, as a user reads them."""
 
 
@@ -743,7 +762,7 @@ def tried(
             _quiet(log, limit)
             if not replaced(m, text):
                 for name in [
-                    n for n in sys.modules if n.partition(".")[0] in ("desat", *OURS)
+                    n for n in sys.modules if n.partition(".")[0] in ("desat", "tests")
                 ]:
                     del sys.modules[name]
             code = int(pytest.main([*QUIET, "-x", *names]))
@@ -986,7 +1005,7 @@ bounds of the shortest dipole along a line; the cost of time in a plan; the mean
 plan without samples; which field, and which rate, the fallback takes. Tests for equality of shared
 parameters, jitter of each wheel, the series of a lag's moments, the field's second derivative, the
 fall of the place, `unless` of limits and the on-time of unused coils stand in
-`tests/test_survivors.py`; their mutations were not made again.
+`tests/blocks`, `tests/maths` and `tests/physics`; their mutations were not made again.
 """
 
 
@@ -1019,7 +1038,7 @@ def main() -> int:
     os.environ["DESAT_CACHE"] = str(folder / "cache")
     os.environ["PYTHONPATH"] = str(tree / ".names")
     os.chdir(tree)
-    sys.path[:0] = [str(tree / ".names"), str(tree), str(tree / "tests")]
+    sys.path[:0] = [str(tree / ".names"), str(tree)]
     _warm()
     result = _stored().get(name)
     if result is None or arguments.anew:
@@ -1125,10 +1144,6 @@ def _warm() -> None:
         importlib.import_module(name)
 
 
-OURS: list[str] = []
-"""Files of tests that are imported."""
-
-
 def _warm_ours(tree: Path, part: Part) -> None:
     """Import the orchestrator and its tests, whose assertions need no rewriting."""
     for path in sorted(p for f in part.folders for p in (tree / f).rglob("*.py")):
@@ -1138,11 +1153,9 @@ def _warm_ours(tree: Path, part: Part) -> None:
             .replace("/", ".")
         )
         importlib.import_module(f"desat.{name.removesuffix('.__init__')}")
-    for path in sorted((tree / "tests").glob("test_*.py")):
-        if path.stem[5:] not in part.left_out:
-            importlib.import_module(path.stem)
-            OURS.append(path.stem)
-    OURS.append("conftest")
+    for path in find_test_files(tree, part):
+        name = ".".join(path.relative_to(tree).with_suffix("").parts)
+        importlib.import_module(name)
 
 
 if __name__ == "__main__":

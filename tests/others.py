@@ -26,10 +26,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
-
-from test_failures import FAILURES as WAYS  # noqa: E402
-from test_failures import compiled, fmu, ssd  # noqa: E402
+sys.path.insert(0, str(ROOT))
 
 from benchmarks import seen  # noqa: E402
 from benchmarks.seen import FAILURES  # noqa: E402
@@ -37,6 +34,8 @@ from desat.engine.current_call import describe_exit  # noqa: E402
 from desat.engine.recording.results import Results  # noqa: E402
 from desat.export.packing import pack  # noqa: E402
 from desat.runs.run import Options, prepare  # noqa: E402
+from tests.engine.test_failures import FAILURES as WAYS  # noqa: E402
+from tests.engine.test_failures import compiled, fmu, ssd  # noqa: E402
 
 PATIENCE = 10.0
 """A process that has not ended after so long (s) is killed."""

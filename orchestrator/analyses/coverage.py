@@ -15,7 +15,7 @@ exp(-t / lag) is largest where the lag is a third of H, and falls for shorter la
 H is the mean of a step's substeps. Before a run the numbers are those of the initial
 state and of the largest output of each actuator. After it they are those of the
 recorded series (`remarks`), because a jet may spin up a craft that begins at rest.
-`tests/test_convergence.py` tests the limits at the largest values that the scenarios of
+`tests/analyses/test_coverage.py` tests the limits at the largest values that the scenarios of
 `ssp/gyrostat` reach, whose error is at most 2e-5 rad.
 
 In addition there is an effect that is exchanged with less than mean and slope: the

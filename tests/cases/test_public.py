@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import started
 
 import desat as library
 from desat.begin.craft import write
@@ -25,6 +24,7 @@ from desat.sizing.requirements import SizingRequirements
 from desat.sizing.sizing import size as size_of
 from desat.system.errors import DesatError
 from desat.system.options import Options
+from tests.conftest import started
 
 G0 = 9.80665
 FIRESAT = EARTH_RADIUS + 700e3

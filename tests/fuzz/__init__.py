@@ -27,8 +27,8 @@ from desat.files import library
 from desat.runs.prepare import prepare
 from desat.system.errors import DesatError
 from desat.system.options import Options
-from fuzz.mutations import mutated
-from fuzz.seeds import BARE, FILES, TARGETS, library_of_ours, plain_kind, seeds
+from tests.fuzz.mutations import mutated
+from tests.fuzz.seeds import BARE, FILES, TARGETS, library_of_ours, plain_kind, seeds
 
 LONGEST = 5.0
 """CPU time (s) that an input may take."""

@@ -9,10 +9,10 @@ import tempfile
 import time
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-import fuzz
-from fuzz import commands
+from tests import fuzz
+from tests.fuzz import commands
 
 
 def main() -> int:

@@ -26,8 +26,8 @@ from typing import Any
 
 from desat import cli
 from desat.system.errors import Exit
-from fuzz import tree
-from fuzz.mutations import STRANGE
+from tests.fuzz import tree
+from tests.fuzz.mutations import STRANGE
 
 LONGEST = 20
 """Wall time (s) after which an input is interrupted as by Ctrl-C."""

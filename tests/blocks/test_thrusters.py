@@ -1,0 +1,53 @@
+"""An empty tank."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import desat as library
+from desat.begin.craft import write
+from desat.begin.facts import CraftFacts
+from tests.conftest import started
+
+
+def test_a_run_says_that_its_tank_is_empty(tmp_path: Path) -> None:
+    write(
+        tmp_path / "mine",
+        CraftFacts(
+            altitude="600km",
+            size="12U",
+            wheels="3 axes 10mNms",
+            rods="none",
+            thrusters="4 50mN",
+            dump="thrusters 70:10",
+            secular="20uNm",
+            propellant="0.0001kg",
+        ),
+        "",
+    )
+    run = library.run(str(tmp_path / "mine"), stop=3000.0)
+    assert [
+        w for w in run.manifest.warnings if "its tank of 0.0001 kg is empty from" in w
+    ]
+
+
+def test_an_empty_tank_fires_nothing() -> None:
+    jets = started(
+        "thrusters",
+        sample_time=1.0,
+        tau_level=(1.0, 1.0, 1.0),
+        arm=1.0,
+        least_pulse=0.01,
+        specific_impulse=100.0,
+        tank=3e-3,
+    )
+    jets.tau_cmd_thruster_body = (1.0, 0.0, 0.0)
+    for k in range(20):
+        jets.advance(float(k), 1.0)
+    jets.output(20.0)
+    # 1 N takes 1 / (100 s g0) = 1.0197 g a second: 2.94 s, and nothing after
+    assert jets.propellant == 3e-3
+    assert jets.propellant_left == 0.0
+    assert jets.on_time == pytest.approx(3e-3 * 100.0 * 9.80665, rel=1e-12)

@@ -1,0 +1,38 @@
+"""What blocks of a role share."""
+
+from __future__ import annotations
+
+import pytest
+
+from desat.fmus import registry
+from desat.runs.prepare import read
+from desat.runs.run import Options
+from desat.system.errors import DesatError
+
+
+def test_a_shared_parameter_must_be_equal_everywhere():
+    builder = read("integrated/mil-nadir").builder(Options(blocks=True))
+    builder.components["manager"].parameters["axes_wheel[1,2]"] = 0.5
+    found = builder.check()
+    assert found.problems == []  # a model onboard may err
+    assert any(
+        "manager.axes_wheel[1,2] = 0.5, but spacecraft." in w for w in found.warnings
+    )
+    builder.components["wheels"].parameters["axes_wheel[1,2]"] = 0.5
+    with pytest.raises(
+        DesatError, match=r"axes_wheel\[1,2\] = .*the two must be equal"
+    ):
+        builder.check().or_raise()
+
+
+@pytest.mark.parametrize("known", ["axes_wheel", "inertia_wheel"])
+def test_what_blocks_know_of_the_wheels_is_shared(known):
+    """So that `check` says of a manager that it knows other wheels than there are."""
+    found = {
+        name: v.shared
+        for name in registry.names()
+        for v in registry.block_class(name).variables
+        if v.name == known
+    }
+    assert len(found) > 2
+    assert all(found.values()), found

@@ -1,0 +1,379 @@
+"""`import desat`: what a program gets and gives."""
+
+from __future__ import annotations
+
+import dataclasses
+import doctest
+import math
+import re
+import shlex
+from importlib.metadata import version
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from typer.main import get_command
+
+import desat as library
+from desat.begin.craft import write
+from desat.begin.facts import CraftFacts, Facts
+from desat.cli.commands import run as _  # noqa: F401  (registers the command)
+from desat.cli.console import app
+from desat.components.bases.dumping import TorquerDumping
+from desat.components.contract.block import Parameter, Vec3
+from desat.components.laws import cross_product
+from desat.components.maths.vector import scale
+from desat.system.errors import DesatError
+from desat.system.options import Options, RunOptions, as_arguments
+from desat.system.program_values import plain_values
+from tests.conftest import ROOT
+
+DAY = "nadir_day/day-dipole"
+
+
+def test_a_run_says_what_it_is_in_a_line_and_in_a_table() -> None:
+    run = library.run(DAY, stop=60.0)
+    assert len(repr(run)) <= 1000
+    assert repr(run).startswith("<Run nadir_day/day-dipole: completed, ")
+    frame = run.numbers
+    assert list(frame.columns) == ["title", "value", "unit", "limit", "met"]
+    assert set(frame.index) == set(run.manifest.numbers)
+    assert frame.loc["pointing", "value"] == run.manifest.numbers["pointing"].value
+    assert "<table" in run._repr_html_()
+
+
+def test_what_is_required_stands_beside_its_number(tmp_path) -> None:
+    write(tmp_path / "mine", CraftFacts(size="12U"), "")
+    frame = library.run(str(tmp_path / "mine"), stop=600.0).numbers
+    assert frame.loc["pointing", "limit"] == "at most 0.2"
+    assert frame.loc["pointing", "met"] is True
+    assert frame.loc["final_momentum", "met"] is None
+
+
+def test_sources_are_a_mapping_or_texts() -> None:
+    law = "manager_cross_product"
+    answer = [
+        library.run(DAY, stop=20.0, sources=inputs).manifest.digest
+        for inputs in ([f"manager={law}"], {"manager": law})
+    ]
+    assert answer[0] == answer[1]
+
+
+def test_an_option_that_there_is_not_is_named() -> None:
+    with pytest.raises(DesatError, match="recrod: no option; did you mean record"):
+        library.run(DAY, stop=20.0, recrod=("*",))  # type: ignore[call-arg]
+
+
+def test_the_options_of_a_program_are_those_of_a_run() -> None:
+    own_value = {"sets", "stop", "step", "values"}
+    assert (
+        set(RunOptions.__annotations__)
+        == {f.name for f in dataclasses.fields(Options)} - own_value
+    )
+
+
+COMMAND_LINE = (
+    " --set a.b=1 --set 'w.x=[1.0, 2.0]' --source 'a=my fmus/b.fmu' --stop '2 orbits'"
+    " --blocks --fmus python --record 'manager.*' --record 'a b' --every 3"
+    " --output-class x.y=state --trust FILE --allow-outside --strict --isolate none"
+    " --halve 2 --checkpoint 2.0"
+)
+
+
+def test_the_command_line_of_options_is_one_that_run_takes() -> None:
+    options = Options(
+        sets=["a.b=1"],
+        values={"w.x": [1.0, 2.0]},
+        sources=["a=my fmus/b.fmu"],
+        stop="2 orbits",
+        blocks=True,
+        fmus="python",
+        record=("manager.*", "a b"),
+        every=3,
+        output_classes={"x.y": "state"},
+        trusted=frozenset(["x"]),
+        outside=True,
+        strict=True,
+        isolate="none",
+        halvings=2,
+        checkpoint=2.0,
+        supervised=True,
+    )  # of one kind each
+    assert as_arguments(options) == COMMAND_LINE
+    assert as_arguments(Options()) == ""
+    command = get_command(app).get_command(None, "run")  # type: ignore[arg-type]
+    known = {name for x in command.params for name in x.opts}
+    assert {x for x in shlex.split(COMMAND_LINE) if x.startswith("--")} <= known
+    for declared in dataclasses.fields(Options):
+        name = declared.metadata.get("option", declared.name.replace("_", "-"))
+        assert not name or f"--{name}" in known, declared.name
+
+
+def test_a_craft_is_sized_by_a_program(tmp_path) -> None:
+    write(tmp_path / "mine", CraftFacts(size="3U"), "")
+    sizing = library.size(
+        str(tmp_path / "mine"), stop=12000.0, year=False, laws=False, flown=False
+    )
+    assert sizing.answer.startswith(str(tmp_path / "mine"))
+    assert sizing.as_json()["least"] > 0.0
+
+
+def test_the_examples_of_the_docstrings_are_right() -> None:
+    answer = doctest.testmod(library, optionflags=doctest.ELLIPSIS)
+    assert answer.failed == 0
+    assert answer.attempted >= 9
+
+
+def test_series_of_a_kind_share_their_dimension() -> None:
+    run = library.run(DAY, stop=60.0)
+    ds = run.data
+    lacking = ds["wheels.h_wheel"] - ds["tachometers.h_meas_wheel"]
+    assert lacking.dims == ("time", "wheel")
+    assert lacking.shape == (61, 4)
+    assert bool(lacking[:-1].notnull().all())
+    assert bool(lacking[-1].isnull().all()), "nothing is measured after the end"
+    assert list(ds["wheels.h_wheel"].wheel) == [1, 2, 3, 4]
+    assert list(ds["environment.b_eci"].axis) == ["x", "y", "z"]
+    assert ds["torquers.m_mean_body"].dims == ("interval", "axis")
+    assert float(ds.interval[0]) == 0.5
+    for rows in (slice(None), slice(3, 50, 7), slice(None, None, -1), 60, -1, [0, 60]):
+        full = ds["tachometers.h_meas_wheel"].values
+        assert np.array_equal(
+            ds["tachometers.h_meas_wheel"][rows].values, full[rows], True
+        )
+    frame = ds[["wheels.h_wheel", "wheels.speed_wheel"]].to_dataframe()
+    assert len(frame) == 61 * 4
+
+
+def test_a_run_plots_what_is_named(tmp_path) -> None:
+    run = library.run(DAY, stop=60.0)
+    assert run.plot("momentum").svg() == run.plot("momentum")._repr_svg_()
+    run.plot("wheels.h_wheel", tmp_path / "h.png")
+    assert (tmp_path / "h.png").read_bytes()[1:4] == b"PNG"
+    run.plot(file=tmp_path / "h.svg")
+    assert "<svg" in (tmp_path / "h.svg").read_text(encoding="utf-8")
+    with pytest.raises(
+        DesatError, match="no plot and no series; did you mean momentum"
+    ):
+        run.plot("momentun")
+    with pytest.raises(DesatError, match=r"written as \.svg, \.png or \.pdf"):
+        run.plot("momentum", tmp_path / "h.gif")
+
+
+def test_a_craft_is_begun_compared_and_tuned_by_a_program(tmp_path) -> None:
+    craft = str(library.new(tmp_path / "mine", size="3U", altitude="500km"))
+    with pytest.raises(
+        DesatError, match="altitud: no fact of a craft; did you mean altitude"
+    ):
+        library.new(tmp_path / "other", altitud="500km")  # type: ignore[call-arg]
+    assert set(Facts.__annotations__) == {
+        f.name for f in dataclasses.fields(CraftFacts)
+    }
+    assert library.scenario(craft).loc["stop", "value"] == 86400.0
+    compared = library.compare(craft, f"{craft}/worst.toml", stop=120.0)
+    frame = compared.numbers
+    assert frame.loc["pointing", f"less {craft}/worst.toml"] == (
+        frame.loc["pointing", craft] - frame.loc["pointing", f"{craft}/worst.toml"]
+    )
+    ranked = library.compare(craft, laws=["ccpl"], by="peak", stop=600.0)
+    assert "least fill" in ranked.answer
+    assert len(ranked.numbers) == 2
+    tuned = library.tune(
+        craft, "manager.gain", "coil_duty", stop=60.0, count=1, unseen=6
+    )
+    assert tuned.best < tuned.own
+    for result in (compared, ranked, tuned):
+        assert len(repr(result)) <= 1000
+
+
+def test_each_public_name_is_on_the_page_of_python() -> None:
+    page = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
+    shown = set(re.findall(r":: desat\.(\w+)", page))
+    assert shown == set(library.__all__)
+
+
+# --- what a program gives -------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        [1e-3, 2e-3, 3e-3, 0.0],
+        (1e-3, 2e-3, 3e-3, 0.0),
+        np.array([1e-3, 2e-3, 3e-3, 0.0]),
+        pd.Series([1e-3, 2e-3, 3e-3, 0.0]),
+        pd.Series([2e-3, 1e-3, 0.0, 3e-3], index=[2, 1, 4, 3]),
+        pd.Series([0.0, 1e-3, 2e-3, 3e-3], index=list("wxyz")),
+        xr.DataArray([1e-3, 2e-3, 3e-3, 0.0], dims="wheel"),
+        [np.float64(1e-3), 2e-3, np.int64(0) + 3e-3, 0],
+    ],
+)
+@pytest.mark.parametrize("nested", [True, False])
+def test_values_are_given_as_programs_have_them(value, nested) -> None:
+    name = "h_start_wheel"
+    sets = {"wheels": {name: value}} if nested else {f"wheels.{name}": value}
+    run = library.run(DAY, sets, stop=2.0)
+    assert run["wheels.h_wheel"][0].tolist() == [1e-3, 2e-3, 3e-3, 0.0]
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    sets = {"manager.gain": np.float64(2e-3), "magnetometer.seed": np.int64(3)}
+    sets["manager.enable"] = np.bool_(False)
+    case = library.prepare(DAY, Options(values=plain_values(sets)))
+    system = case.or_raise()[0]
+    values = system.components["manager"].values
+    assert (values["gain"], values["enable"]) == (2e-3, False)
+    assert system.components["magnetometer"].values["seed"] == 3
+
+
+@pytest.mark.parametrize(
+    ("sets", "message"),
+    [
+        (
+            {"wheels.h_start_wheel": pd.Series([0.0] * 4, index=list("abcd"))},
+            "wheels.h_start_wheel: a Series labelled a, b, c, d: allowed is x, y, z, w, or "
+            "0 to 3, or 1 to 4",
+        ),
+        (
+            {"wheels.h_start_wheel": pd.Series([0.0] * 4, index=[1, 1, 2, 3])},
+            "a Series labelled 1, 1, 2, 3: allowed is",
+        ),
+        ({"wheels.h_start_wheel": np.zeros(3)}, "needs 4 values, got 3"),
+        (
+            {"wheels.h_start_wheel": np.zeros((2, 2))},
+            "wheels.h_start_wheel has no rows: a list of 4 values is needed",
+        ),
+        (
+            {"wheels.axes_wheel": np.ones((4, 3))},
+            "wheels.axes_wheel has rows of 4 values, got rows of 3",
+        ),
+        (
+            {"wheels.axes_wheel": [[1.0] * 4, [1.0] * 4, [1.0] * 3 + [0.0, 1.0]]},
+            "rows of 4 values, got rows of 4 and 5",
+        ),
+        ({"wheels": {"h_strt_wheel": 1.0}}, "did you mean h_start_wheel"),
+        (
+            {"wheels": {"h": {"x": 1.0}}},
+            "sets: wheels.h: a mapping holds the variables of a component",
+        ),
+        (
+            {"manager.gain": 1.0, "manager": {"gain": 1.0}},
+            "sets: manager.gain is given twice",
+        ),
+        ({"manager.gain": object()}, "manager.gain: a object is given"),
+        ({3: 1.0}, "sets: 3: a text is needed"),
+        (["manager.gain"], "sets: a list is given; a mapping of"),
+    ],
+)
+def test_values_of_another_form_are_named(sets, message) -> None:
+    with pytest.raises(DesatError) as raised:
+        library.run(DAY, sets, stop=2.0)
+    assert message in str(raised.value)
+
+
+def test_near_names_are_those_of_the_call_too() -> None:
+    with pytest.raises(DesatError, match="stpo: no option; did you mean stop"):
+        library.run(DAY, stpo=2.0)  # type: ignore[call-arg]
+
+
+def test_a_run_gives_its_series_in_every_form(tmp_path) -> None:
+    run = library.run(DAY, stop=60.0, folder=tmp_path / "a")
+    assert run["wheels.h_wheel"].shape == (61, 4)
+    with pytest.raises(DesatError, match=r"no series wheels\.h_weel; did you mean"):
+        run["wheels.h_weel"]
+    frame = run.to_dataframe()
+    (path,) = library.export(run, "parquet", tmp_path / "b")
+    assert list(frame.columns) == pd.read_parquet(path).columns.tolist()
+    assert np.array_equal(
+        frame["wheels.h_wheel[2] [N.m.s]"], run["wheels.h_wheel"][:60, 1]
+    )
+    assert library.export(tmp_path / "a", "csv") == [tmp_path / "a" / "series.csv"]
+    assert run.write_report() == tmp_path / "a" / "report.html"
+    run.data.to_netcdf(tmp_path / "a.nc")
+    again = xr.open_dataset(tmp_path / "a.nc")
+    assert np.array_equal(again["wheels.h_wheel"], run["wheels.h_wheel"])
+    assert again["manager.mode"].attrs["choices"].startswith("idle, ")
+    loaded = library.load(tmp_path / "a")
+    assert isinstance(loaded, library.Run)
+    assert loaded["wheels.h_wheel"].tolist() == run["wheels.h_wheel"].tolist()
+    assert loaded.numbers.equals(run.numbers)
+
+
+def test_a_run_in_memory_needs_a_folder_for_files(tmp_path) -> None:
+    run = library.run(DAY, stop=20.0)
+    for write_file in (run.write_report, lambda: library.export(run)):
+        with pytest.raises(DesatError, match="series are in memory: the folder"):
+            write_file()
+    assert run.write_report(tmp_path / "x").is_file()
+    assert library.export(run, "mat", tmp_path / "x")[0].is_file()
+
+
+def test_what_commands_do_programs_do(tmp_path) -> None:
+    assert library.__version__ == version("desat")
+    assert library.check(DAY).problems == []
+    slow = library.check(DAY, {"magnetometer.sample_time": 1.5})
+    assert any("sample_time" in problem for problem in slow.problems)
+    with pytest.raises(
+        DesatError, match=r"manager\.gain = -1 1/s: allowed is 0 to inf"
+    ):
+        library.check(DAY, {"manager.gain": -1.0})
+    least = library.bound("uosat12/table3-ocdc-ilqr-1")
+    assert 0.0 < least.least <= least.seconds
+    swept = library.sweep(DAY, {"manager.gain": np.array([1e-3, 2e-3])}, stop=60.0)
+    assert swept.numbers.shape[0] == 2
+    assert swept.numbers["pointing"].notna().all()
+    cases = library.campaign(DAY, 2, tmp_path / "c", stop=20.0)
+    assert cases.sizes["case"] == 2
+    library.run(DAY, stop=2.0, folder=tmp_path / "d")
+    with pytest.raises(DesatError, match="curves: it is no campaign"):
+        library.load(tmp_path / "d", curves=True)
+
+
+# --- a class as a source --------------------------------------------------------------
+
+HALF = 0.5
+
+
+def half_of(h: Vec3) -> Vec3:
+    return scale(HALF, h)
+
+
+class HalfLaw(TorquerDumping):
+    """Half of what h says."""
+
+    gain: float = Parameter("1/s", "gain", start=1e-3)
+
+    def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:
+        return cross_product.normalised(half_of(h), self.b_body, math.fabs(self.gain))
+
+
+def test_a_class_is_a_source() -> None:
+    """With the function, the constant and the imports that it uses."""
+    mine = library.run(
+        DAY, {"manager.gain": 2e-3}, stop=60.0, sources={"manager": HalfLaw}
+    )
+    ours = library.run(
+        DAY,
+        {"manager.gain": 1e-3},
+        stop=60.0,
+        sources={"manager": "manager_cross_product"},
+    )
+    m = mine["manager.m_cmd_body"]
+    assert m.any()
+    assert m == pytest.approx(ours["manager.m_cmd_body"], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        (int, "sources: manager: int is no block"),
+        (
+            type("Mine", (TorquerDumping,), {"__module__": __name__}),
+            "Mine: its source is not known: write the class to a file",
+        ),
+    ],
+)
+def test_classes_that_are_no_source_are_named(source, message) -> None:
+    with pytest.raises(DesatError, match=message):
+        library.run(DAY, stop=2.0, sources={"manager": source})
