@@ -332,6 +332,7 @@ def page_s_draws() -> tuple[Starts, dict[str, list[float | None]]]:
     """The values drawn for the page and, of each scenario, its stored minutes."""
     from desat.campaign import sampling
     from desat.papers import stored
+    from desat.runs.cases import draft_to_draw
     from desat.runs.prepare import read
 
     stored_samples = stored.read("hausat2")
@@ -342,7 +343,7 @@ def page_s_draws() -> tuple[Starts, dict[str, list[float | None]]]:
         ]
         for name in cases()
     }
-    system = read("hausat2/gain-k-1e5").to_draw(blocks=True)
+    system = draft_to_draw(read("hausat2/gain-k-1e5"), True)
     count = min(map(len, times.values()))
     drawn = [sampling.draw_of(system, stored_samples["seed"], i) for i in range(count)]
     return Starts(

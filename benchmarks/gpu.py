@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from desat.campaign.sampling import draw_of
 from desat.export.loop_fmu import LoopEnds, export
+from desat.runs.cases import draft_to_draw
 from desat.runs.prepare import read
 from desat.system.options import Options
 
@@ -164,7 +165,7 @@ def measure(count: int, steps: int) -> dict[str, Any]:
     }
     with TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        names = tuple(draw_of(read(NAME).to_draw(blocks=False), 1, 0))
+        names = tuple(draw_of(draft_to_draw(read(NAME), False), 1, 0))
         unit = Unit(
             export(NAME, Options(), LoopEnds(parameters=names), folder / "loop.fmu"),
             folder / "fmu",

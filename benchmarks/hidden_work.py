@@ -29,7 +29,7 @@ STEPS = 6000
 def of(name: str) -> dict[str, Any] | None:
     """Of one scenario; None for one without a rigid body, or without substeps."""
     case = prepare(name, Options(substeps=calibration.FINEST))
-    if case.checked.problems:
+    if case.problems:
         return None
     system, _ = case.or_raise()
     if energy.applies(system) is None:

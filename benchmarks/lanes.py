@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from desat.campaign.sampling import draw_of
 from desat.export.loop_fmu import LoopEnds, export
+from desat.runs.cases import draft_to_draw
 from desat.runs.prepare import read
 from desat.system.options import Options
 
@@ -301,7 +302,7 @@ def cases(
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """The states (count, bytes) that drawn cases begin with, and those after so many
     steps."""
-    draft = read(NAME).to_draw(blocks=False)
+    draft = draft_to_draw(read(NAME), False)
     known = unit.parameters()
     states = []
     for draw in range(count):
@@ -323,7 +324,7 @@ def measure() -> dict[str, Any]:
     case are, whether their bits are those of the scalar code, and of drawn cases each
     block's share of the time and of the steps in which its lanes go apart."""
     has = Path("/proc/cpuinfo").read_text()
-    draws = draw_of(read(NAME).to_draw(blocks=False), 1, 0)
+    draws = draw_of(draft_to_draw(read(NAME), False), 1, 0)
     found: dict[str, Any] = {"system": NAME, "steps": STEPS, "date": str(date.today())}
     with TemporaryDirectory() as temporary:
         folder = Path(temporary)

@@ -24,8 +24,9 @@ from typing import Any
 import numpy as np
 
 from desat.export.packing import pack_scenario
-from desat.files.layers import of_options
+from desat.files.build import build
 from desat.files.scenario import find
+from desat.runs.checks import check_draft
 from desat.runs.prepare import read
 from desat.runs.run import Case, Options, prepare, simulate
 
@@ -58,13 +59,13 @@ def _case(target: str, options: Options, seed: int) -> Case:
     """A target prepared; with a seed, its components and connections in another order."""
     if not seed:
         return prepare(target, options)
-    builder, rng = read(target).builder(options), np.random.default_rng(seed)
-    names = list(builder.components)
+    source, rng = read(target), np.random.default_rng(seed)
+    draft = build(source, options)
+    names = list(draft.components)
     rng.shuffle(names)
-    builder.components = {n: builder.components[n] for n in names}
-    rng.shuffle(builder.connections)
-    builder.add(of_options(options))
-    return Case(target, options, builder.place, builder.check())
+    draft.components = {n: draft.components[n] for n in names}
+    rng.shuffle(draft.connections)
+    return check_draft(draft, options, source)
 
 
 def make(way: dict[str, Any]) -> dict[str, Any]:

@@ -24,9 +24,9 @@ from desat.engine.recording.results import SERIES
 from desat.figures.canvas import Figure
 from desat.figures.style import COLOURS
 from desat.files import library, paths
-from desat.files.builder import Builder
-from desat.system.layer import Layer, Place
-from desat.system.model import Connection
+from desat.files.draft import Draft
+from desat.runs.checks import check_draft
+from desat.system.model import Component, Connection
 
 PLOT = Path(__file__).with_name("scaling.svg")
 ROUNDS = 5
@@ -42,21 +42,21 @@ def _master(components: int, wired: int | None = None) -> Master:
     file = native if native.exists() else paths.fmus() / "magnetometer.fmu"
     fmu = library.load(file)
     names = [f"m{i:04}" for i in range(components)]
-    places = [Place(n, file.name, fmu, fmu.interface) for n in names]
+    chain = {n: Component(n, file.name, fmu.interface, fmu=fmu) for n in names}
     wires = [
         Connection(a, f"b_body[{i}]", b, f"b_eci[{i}]")
         for a, b in list(pairwise(names))[:wired]
         for i in (1, 2, 3)
     ]
-    layer = Layer(
+    draft = Draft(
         "benchmarks/scaling.py",
         "chain",
-        places=places,
+        components=chain,
         connections=wires,
         step=1.0,
         stop=1e7,
     )
-    master = Master(*Builder(layer).check().or_raise(), watched=lambda c, s: False)
+    master = Master(*check_draft(draft).or_raise(), watched=lambda c, s: False)
     master.initialise()
     return master
 

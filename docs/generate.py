@@ -176,7 +176,7 @@ def _drawings() -> dict[str, tuple[str, str]]:
             if block in found:
                 break
             case = prepare(name, Options(sources=[f"{component}={block}"]))
-            if not case.checked.problems:
+            if not case.problems:
                 system, _ = case.or_raise()
                 where = f"`{name}` with it as {component}"
                 found[block] = where, loop_of_system(system, component)

@@ -32,6 +32,7 @@ from desat.numbers.text import number as text_of
 from desat.numbers.text import spell_unit
 from desat.papers import comparison as cells
 from desat.papers import stored, tables
+from desat.runs.cases import draft_to_draw
 from desat.runs.prepare import read
 from desat.runs.run import Options, prepare, simulate
 from desat.runs.substep_choice import begin_at
@@ -250,7 +251,7 @@ class Verbs:
 
     def of_draw(self, scenario: str, draw: int) -> Change:
         """What a draw of a scenario changes, for `value`, `series` and `plot`."""
-        system = read(self._of.name_of(scenario)).to_draw(blocks=True)
+        system = draft_to_draw(read(self._of.name_of(scenario)), True)
         return sampling.draw_of(system, self.seed(), draw)
 
     def seed(self) -> int:
@@ -619,7 +620,7 @@ def pair_of(
     """
     source = read(first)
     drawn = sampling.draw_of(
-        source.to_draw(False), PAIRED_SEED, sample, "random", sample + 1
+        draft_to_draw(source, False), PAIRED_SEED, sample, "random", sample + 1
     )
     run = simulate(prepare(source, Options(values=drawn)))
     minutes = run.manifest.numbers[reached].value
@@ -643,7 +644,6 @@ def pair_of(
     system, _ = case.or_raise()
     system = begin_at(system, float(begin), state)
     order = schedule(system, case.options.breaks_loops)
-    checked = replace(case.checked, system=system, schedule=order)
-    later = simulate(replace(case, checked=checked, manifest=None))
+    later = simulate(replace(case, system=system, schedule=order, manifest=None))
     after = later.manifest.numbers[goal].value
     return None if after is None else (begin / 60.0, after)

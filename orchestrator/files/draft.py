@@ -48,12 +48,9 @@ class Assignment(NamedTuple):
     @property
     def subject(self) -> str:
         """Return how messages about the value begin: the origin without its name."""
-        for key in (
-            f"parameters.{self.owner}.{self.name}",
-            f"{self.owner}.{self.name}",
-        ):
-            if self.origin.endswith(key):
-                return self.origin.removesuffix(key)
+        if self.owner != SHARED and self.origin.endswith(f"{self.owner}.{self.name}"):
+            file, separator, _ = self.origin.rpartition(": ")
+            return file + separator
         return f"{self.origin}: "
 
 
@@ -114,8 +111,11 @@ class Draft:
         if given.owner != SHARED:
             if given.owner in self.components:
                 return [self.components[given.owner]]
-            hint = nearest(given.owner, self.components)
-            self.problems.append(f"{given.origin}: no component {given.owner}{hint}")
+            text = (
+                f": no component {given.owner}{nearest(given.owner, self.components)}"
+            )
+            if not any(line.endswith(text) for line in self.problems):
+                self.problems.append(given.origin + text)
             return []
         owners = [c for c in components if given.name in c.interface.elements]
         if not owners:

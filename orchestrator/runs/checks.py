@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Literal, NamedTuple
 
 from ..analyses import (
@@ -27,8 +28,11 @@ from ..analyses import (
     wheels,
 )
 from ..engine.instances.isolated import CAN
-from ..files import library, scenario
+from ..files import library
 from ..files.build import build
+from ..files.draft import Draft
+from ..files.scenario import Scenario, of_its_file
+from ..language.content import NOTHING
 from ..system import check
 from ..system.errors import DesatError
 from ..system.model import System
@@ -65,6 +69,27 @@ def run_checks(case: Case, *levels: Level) -> None:
         }
         if check_made.level in levels and has_needs[check_made.needs]:
             findings[check_made.kind] += check_made.find(case)
+
+
+def check_draft(
+    draft: Draft, options: Options | None = None, scenario: Scenario | None = None
+) -> Case:
+    """Complete a draft, and check its structure alone.
+
+    Parameters
+    ----------
+    draft
+        The system.
+    options
+        Options of its run; None: the default ones.
+    scenario
+        The scenario that it is built of; None: none, a program has built it.
+    """
+    if scenario is None:
+        scenario = Scenario(NOTHING, Path(draft.place), Path())
+    case = Case.of_draft(scenario, options or Options(), draft)
+    run_checks(case, "structure")
+    return case
 
 
 # --- Kinds of checks by what they look at ---------------------------------------------
@@ -172,7 +197,7 @@ def design_warnings(case: Case) -> Lines:
     """Yield a line if a stored design was made for other values."""
     described = case.described
     if described is not None and case.scenario.is_system_file:
-        described = scenario.of_its_file(described.name)
+        described = of_its_file(described.name)
     if case.options.design is not None or described is None or case.system is None:
         return ()
     return provider().warnings(described, case.options, case.system)

@@ -563,7 +563,9 @@ def _fly_loops(
     if worst_scenario is not None:
         progress(f"{worst_scenario.target}: what is usually worse")
         some = min(window, max(86400.0, steady.first + WORST_DUMPS * steady.interval))
-        worst = _fly_closed_loop(worst_scenario.target, options, step * ceil(some / step))
+        worst = _fly_closed_loop(
+            worst_scenario.target, options, step * ceil(some / step)
+        )
         unmet += [
             f"in {worst_scenario.target}: {line}" for line in worst.manifest.not_met
         ]

@@ -361,7 +361,7 @@ def case(request):
         estimate.difference(f.q, f.h, ideal.q, ideal.h)[0] for f in (run, once)
     )
     estimated = estimate.estimate(run.q, run.h, finer.q, finer.h)[0]
-    return request.param, truth, single, estimated, prepared.checked.warnings
+    return request.param, truth, single, estimated, prepared.warnings
 
 
 def test_a_case_of_the_exchange(case):
@@ -439,7 +439,7 @@ def test_the_limits_are_what_the_cases_reach():
 
 def of_range(options):
     """The warnings of a run, but for values that are not usual and an unstable loop."""
-    found = prepare("gyrostat/full", options).checked.warnings
+    found = prepare("gyrostat/full", options).warnings
     return [w for w in found if ": usual is" not in w and "attitude control" not in w]
 
 

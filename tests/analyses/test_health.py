@@ -241,7 +241,7 @@ def test_two_wheels_that_are_left_are_told_of(craft):
     with pytest.raises(DesatError, match=r"column 2 = .*, but inertia_wheel\[2\] = 0"):
         prepare(str(craft), Options(sets=[spin])).or_raise()
     two = Options(sets=[spin, f"shared.axes_wheel={axes}"])
-    (line,) = [w for w in prepare(str(craft), two).checked.warnings if "2 wheels" in w]
+    (line,) = [w for w in prepare(str(craft), two).warnings if "2 wheels" in w]
     assert "none of them gives torque about (" in line
 
 
@@ -250,13 +250,13 @@ def test_the_third_wheel_of_three_that_fails_is_told_of(tmp_path, desat):
         "new", "craft", str(tmp_path / "three"), "--wheels", "3 axes 30mNms", check=True
     )
     options = Options(sets=["wheels.failed=2", "wheels.failed_from=100"])
-    lines = prepare(str(tmp_path / "three"), options).checked.warnings
+    lines = prepare(str(tmp_path / "three"), options).warnings
     assert any(
         "from 100 s on no wheel gives torque about (0, 1, 0)" in x for x in lines
     )
     assert not any(
         "no wheel turns" in x
-        for x in prepare(str(tmp_path / "three"), Options()).checked.warnings
+        for x in prepare(str(tmp_path / "three"), Options()).warnings
     )
 
 
@@ -307,7 +307,7 @@ def test_two_accounts_of_propellant_are_refused(tmp_path, desat):
     same = [*sets, "thrusters.specific_impulse=220"]
     prepare(str(file.parent), Options(sets=same)).or_raise()
     drag = [*same, "environment.area_drag=1", "environment.mass=20"]
-    lines = prepare(str(file.parent), Options(sets=drag)).checked.warnings
+    lines = prepare(str(file.parent), Options(sets=drag)).warnings
     assert any("area_drag = 1 m2, but spacecraft.area_drag" in x for x in lines)
 
 
@@ -364,7 +364,7 @@ def test_the_predictive_law_is_told_what_the_sensors_have(tmp_path, desat):
     untold = prepare(target, Options(sources=["manager=manager_predictive"]))
     assert any(
         "manager.h_noise = 0.0001 N.m.s, but the craft's sensors have 0.004" in line
-        for line in untold.checked.warnings
+        for line in untold.warnings
     )
     rows = {row["name"]: row for row in json.loads(done.stdout)["laws"]}
     assert "craft.h_noise = 0.004" in json.dumps(rows["predictive"])

@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 
 from desat.analyses import lower_bound
 from desat.components.maths import vector
+from desat.files.build import build
+from desat.runs.checks import check_draft
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
 
@@ -73,14 +75,17 @@ def test_nozzles_as_the_axis_pairs_have_the_same_bound():
 
     pairs = execute("uosat12/table3-dct-ilqr-2", Options(blocks=True))
     expected = lower_bound.of_run(pairs.manifest, pairs.results)
-    builder = read("uosat12/table3-dct-ilqr-2").builder(Options(blocks=True))
-    nozzles = builder.components["thrusters"]
-    nozzles.source = "resources/thrusters_nozzles.fmu"
-    nozzles.parameters = {
-        k: v for k, v in nozzles.parameters.items() if "tau_level" not in k
-    }
-    nozzles.interface = interface_of_block("thrusters_nozzles")
-    system, _ = builder.check().or_raise()
+    draft = build(read("uosat12/table3-dct-ilqr-2"), Options(blocks=True))
+    pairs_of_nozzles = draft.components["thrusters"]
+    draft.components["thrusters"] = replace(
+        pairs_of_nozzles,
+        source="resources/thrusters_nozzles.fmu",
+        interface=interface_of_block("thrusters_nozzles"),
+        parameters={
+            k: v for k, v in pairs_of_nozzles.parameters.items() if "tau_level" not in k
+        },
+    )
+    system, _ = check_draft(draft).or_raise()
     from desat.system.model import table
 
     thrusters = table(system.components.values())["thrusters"]

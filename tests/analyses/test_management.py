@@ -13,8 +13,8 @@ from desat.begin.facts import CraftFacts
 from desat.engine.recording.memory import File
 from desat.engine.recording.results import Results
 from desat.runs.prepare import prepare
-from desat.system.options import Options
 from desat.system.model import Parameter
+from desat.system.options import Options
 
 DAY = "nadir_day/day-dipole"
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)

@@ -24,7 +24,7 @@ DAY, NADIR, COMBINED = (
 
 def checked(target, *sets, sources=(), **options):
     options = Options(blocks=True, sets=list(sets), sources=list(sources), **options)
-    return prepare(target, options).checked
+    return prepare(target, options)
 
 
 def new_warnings(target, *sets, **options):

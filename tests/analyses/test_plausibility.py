@@ -173,10 +173,9 @@ def test_what_contradicts_itself_is_refused(tmp_path, facts, message):
 )
 def test_improbable_hardware_is_told_by_check_and_run(tmp_path, facts, sets, message):
     case = prepare(crafted(tmp_path, **facts), Options(sets=sets))
-    assert message in "\n".join(case.checked.warnings)
+    assert message in "\n".join(case.warnings)
     assert (
-        message not in "\n".join(prepare(case.target, Options()).checked.warnings)
-        or not sets
+        message not in "\n".join(prepare(case.target, Options()).warnings) or not sets
     )
 
 
@@ -283,9 +282,7 @@ def test_three_wheels_of_four_have_a_margin(tmp_path):
     with pytest.raises(DesatError, match=r"there is no wheel 4"):
         prepare(target, Options(sets=["wheels.failed=4"])).or_raise()
     extra = prepare(target, Options(sets=["wheels.h_start_wheel=0,0,0,0.01"]))
-    assert "h_start_wheel[4] = 0.01 N m s is left out" in "\n".join(
-        extra.checked.warnings
-    )
+    assert "h_start_wheel[4] = 0.01 N m s is left out" in "\n".join(extra.warnings)
 
 
 # --- ranges of sensors and actuators --------------------------------------------
@@ -342,7 +339,7 @@ def test_each_real_parameter_of_a_sensor_or_actuator_has_a_range():
 )
 def test_a_parameter_beyond_its_model_is_told(tmp_path, values):
     case = prepare(crafted(tmp_path, size="12U"), Options(sets=[values]))
-    messages = "\n".join(case.checked.warnings + case.checked.problems)
+    messages = "\n".join(case.warnings + case.problems)
     assert f"{values.partition('=')[0]}" in messages
     assert "usual is" in messages
 
@@ -453,7 +450,7 @@ def test_what_the_eigenvalues_say_flies(tmp_path, momentum):
         text = text.replace("substeps = 2", "substeps = 4")
         file.write_text(text.replace("sample_time = 0.2", "sample_time = 1.0"))
     sets = [f"wheels.h_start_wheel={momentum},{momentum},-{momentum},-{momentum}"]
-    problems = prepare(target, Options(sets=sets)).checked.problems
+    problems = prepare(target, Options(sets=sets)).problems
     if momentum == 2.0:
         assert (
             "attitude control is unstable with the wheels' momentum at the start"
@@ -522,10 +519,10 @@ def test_b_dot_that_drives_a_rotation_is_told_and_not_met(tmp_path):
         target, Options(sets=['spacecraft.omega_start_body=["180 deg/s",0,0]'])
     )
     assert "by 180 deg in a sample of 1 s: beyond 90 deg manager speeds" in "\n".join(
-        case.checked.warnings
+        case.warnings
     )
     slow = prepare(target, Options())
-    assert not any("speeds the rotation up" in line for line in slow.checked.warnings)
+    assert not any("speeds the rotation up" in line for line in slow.warnings)
     run = library.run(
         target, {"spacecraft.omega_start_body": ["180 deg/s", 0, 0]}, stop=6000.0
     )
@@ -546,7 +543,7 @@ def test_a_bias_that_the_attitude_turns_is_refused(tmp_path, pointing):
     }
     target = crafted(tmp_path, **facts)
     case = prepare(target, Options(sets=["manager.h_target_body=0,0.02,0"]))
-    message = "\n".join(case.checked.problems)
+    message = "\n".join(case.problems)
     assert ("no law turns a bias with it" in message) == (pointing == "yaw")
 
 
@@ -561,7 +558,7 @@ def test_a_bias_that_a_slew_turns_is_refused(tmp_path, begin):
     ]
     slewed = Options(sources=["guidance=guidance_slew"], sets=sets)
     assert "guidance_slew turns it by 90 deg" in "\n".join(
-        prepare(target, slewed).checked.problems
+        prepare(target, slewed).problems
     )
 
 
@@ -716,7 +713,7 @@ def test_a_value_beyond_all_quantities_is_a_problem_and_no_bug(name, size):
     if name == "shared.inertia":
         values = {name: [size if i % 4 == 0 else 0.0 for i in range(9)]}
     for target in ("nadir_day/day-dipole", "gyrostat/saturating"):
-        found = prepare(target, Options(values=values)).checked
+        found = prepare(target, Options(values=values))
         if size > 1e40:
             assert any(
                 "a magnitude of at most 1e+40 is needed" in line
@@ -736,7 +733,7 @@ def test_a_value_beyond_all_quantities_is_a_problem_and_no_bug(name, size):
 def test_a_target_that_wheels_do_not_hold_is_told(tmp_path, target, wheels, message):
     write(tmp_path / "c", CraftFacts(size="12U", wheels=wheels), "desat new craft")
     options = Options(sets=[f"manager.h_target_body={target}"])
-    lines = "\n".join(prepare(str(tmp_path / "c"), options).checked.warnings)
+    lines = "\n".join(prepare(str(tmp_path / "c"), options).warnings)
     assert (message in lines) if message else ("h_target_body" not in lines)
 
 
@@ -847,7 +844,7 @@ DUMPS: dict[str, Any] = {"rods": "none", "dump": "thrusters 70:10", "mass": "16k
 def test_hardware_is_held_against_the_craft(tmp_path, facts, sets, key, message):
     write(tmp_path / "mine", CraftFacts(**facts), "")
     case = prepare(str(tmp_path / "mine"), Options(sets=sets))
-    lines = [x for x in case.checked.warnings if message in x]
+    lines = [x for x in case.warnings if message in x]
     assert lines
     assert key in lines[0]
 

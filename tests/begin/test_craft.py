@@ -113,7 +113,7 @@ def test_each_scenario_is_sound(
     write(folder, expected, "desat new craft mine")
     case = prepare(str(folder / f"{scenario}.toml"), Options())
     system, _ = case.or_raise()
-    text = "\n".join(case.checked.warnings)
+    text = "\n".join(case.warnings)
     assert "usual is" not in text
     assert "another craft" not in text
     assert system.name == ("mine" if scenario == "nominal" else f"mine-{scenario}")
@@ -732,4 +732,4 @@ def test_a_quaternion_of_any_length_is_a_direction(tmp_path):
         prepare(str(tmp_path / "c"), Options(sets=[f"guidance.q_bo=0,0,0,{w}"]))
         for w in (1, 2)
     )
-    assert twice.checked.warnings == plain.checked.warnings
+    assert twice.warnings == plain.warnings

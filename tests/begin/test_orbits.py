@@ -63,7 +63,7 @@ def test_a_craft_of_one_line_flies_as_it_is_wanted(tmp_path: Path, name: str) ->
     for scenario in ("nominal", "worst"):
         case = prepare(str(tmp_path / "mine" / f"{scenario}.toml"), Options())
         case.or_raise()
-        assert "usual is" not in "\n".join(case.checked.warnings)
+        assert "usual is" not in "\n".join(case.warnings)
     run = library.run(str(tmp_path / "mine"), stop=4000.0)
     assert run.ok
     assert run.manifest.numbers["pointing"].value < 0.2
@@ -175,7 +175,7 @@ def test_a_gain_that_takes_out_more_than_there_is_is_told(tmp_path: Path) -> Non
     write(tmp_path / "mine", CraftFacts(size="12U"), "")
     fast = prepare(str(tmp_path / "mine"), Options(sets=["manager.gain=10"]))
     assert "takes 100 times the momentum out within a sample of 10 s" in "\n".join(
-        fast.checked.warnings
+        fast.warnings
     )
     usual = prepare(str(tmp_path / "mine"), Options())
-    assert "takes" not in "\n".join(usual.checked.warnings)
+    assert "takes" not in "\n".join(usual.warnings)

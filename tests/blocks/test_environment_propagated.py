@@ -677,9 +677,7 @@ def test_a_force_that_moves_no_orbit_is_said(tmp_path):
         (other, "has no firings; its orbit does not move by it"),
     ):
         (tmp_path / "craft.toml").write_text(text, encoding="utf-8")
-        warnings = prepare(
-            str(tmp_path / "mine.toml"), Options(blocks=True)
-        ).checked.warnings
+        warnings = prepare(str(tmp_path / "mine.toml"), Options(blocks=True)).warnings
         messages = [
             w for w in warnings if w.startswith("environment.force_mean_thruster_body")
         ]

@@ -24,7 +24,7 @@ from scipy.stats import spearmanr
 
 import desat
 from desat.campaign import case as case_module
-from desat.campaign import coordinator, draws, judged, report, sampling, store
+from desat.campaign import coordinator, judged, report, sampling, store
 from desat.campaign import pairs as comparing
 from desat.campaign import plan as plan_module
 from desat.campaign.pairs import compare
@@ -32,9 +32,10 @@ from desat.campaign.plan import CampaignPlan
 from desat.campaign.sampling import axes, draw_of
 from desat.campaign.workers import Local, NoResult, results
 from desat.engine.master import Master
-from desat.files.builder import Builder
+from desat.files.draft import Draft
 from desat.runs import prepare as prepare_module
 from desat.runs import progress
+from desat.runs.cases import Cases, draft_to_draw
 from desat.runs.prepare import prepare
 from desat.runs.prepare import read as read_source
 from desat.runs.run import simulate
@@ -111,7 +112,7 @@ def test_a_process_that_ends_without_an_answer_is_lost():
 
 @pytest.fixture(scope="module")
 def system():
-    return read_source("integrated/mil-nadir").to_draw(blocks=False)
+    return draft_to_draw(read_source("integrated/mil-nadir"), False)
 
 
 @pytest.mark.parametrize("kind", ["latin-hypercube", "sobol", "saltelli"])
@@ -176,7 +177,7 @@ def test_a_sampling_draws_what_a_dispersion_says(tmp_path, values, share):
     path.write_text(
         f'extends = "gyrostat/light"\n[dispersions]\n"wheels.h_start_wheel" = {values}\n'
     )
-    draft = read_source(str(path)).to_draw(blocks=False)
+    draft = draft_to_draw(read_source(str(path)), False)
     cases = [
         draw_of(draft, 1, i, "latin-hypercube", 20)["wheels.h_start_wheel"]
         for i in range(20)
@@ -926,8 +927,9 @@ def test_a_case_that_changes_values_alone_is_the_case_prepared_anew(
     )
     plan = CampaignPlan(str(own_scenario), "", 5)
     rows = []
-    for result in (draws.with_values, prepare):
-        monkeypatch.setattr(draws, "with_values", result)
+    anew = lambda cases, options: prepare(cases.scenario, options)  # noqa: E731
+    for result in (Cases.prepare, anew):
+        monkeypatch.setattr(Cases, "prepare", result)
         rows.append([replace(case_module.row(plan, n), seconds=0.0) for n in range(5)])
     assert rows[0] == rows[1]
     if "lag" in more:
@@ -954,35 +956,41 @@ def test_a_master_that_begins_anew_makes_the_bits_of_a_new_one(
     own_scenario = tmp_path / "own.toml"
     own_scenario.write_text(f'extends = "{name}"\nstop = 100.0\n{more}\n')
     source = prepare_module.read(str(own_scenario))
-    system, result, runs = source.to_draw(False), [], {}
+    system, result, runs = draft_to_draw(source, False), [], {}
     init = Master.__init__
     monkeypatch.setattr(
         Master, "__init__", lambda *a, **k: result.append(1) or init(*a, **k)
     )
-    for prepared in (prepare_module.with_values, prepare):
-        if prepared is prepare:
+    cases = Cases(source)
+    anew = lambda options: prepare(source, options)  # noqa: E731
+    for prepared in (cases.prepare, anew):
+        if prepared is anew:
             # not where others follow what is drawn; "auto" makes some to try
             assert len(result) == 1 or "telescope" in name or "auto" in more
         for draw in range(3):
             options = Options(values=draw_of(system, 1, draw))
-            run = simulate(prepared(source, options))
+            run = simulate(prepared(options))
             assert run.manifest.completed, run.manifest.message
             results = run.results
             series = {n: results.values(n).tobytes() for n in results.names()}
-            runs[prepared, draw] = series, run.manifest.numbers, run.manifest.balance
+            runs[prepared is anew, draw] = (
+                series,
+                run.manifest.numbers,
+                run.manifest.balance,
+            )
     for draw in range(3):
-        assert runs[prepare_module.with_values, draw] == runs[prepare, draw]
-    assert runs[prepare, 0][0] != runs[prepare, 1][0]
+        assert runs[False, draw] == runs[True, draw]
+    assert runs[True, 0][0] != runs[True, 1][0]
 
 
 def test_a_worker_prepares_once(monkeypatch):
     results = []
-    check = Builder.check
+    complete = Draft.complete
     monkeypatch.setattr(
-        Builder, "check", lambda *arguments: results.append(1) or check(*arguments)
+        Draft, "complete", lambda draft: results.append(1) or complete(draft)
     )
     plan = CampaignPlan("alsat1/basin-y-wheel", "", 5, options=Options(stop=600.0))
-    plan_module._source.cache_clear()
+    plan_module._cases.cache_clear()
     for n in range(5):
         assert case_module.row(plan, n).code == 0
     assert len(results) == 1

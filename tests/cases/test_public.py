@@ -261,7 +261,7 @@ def test_one_and_two_failed_wheels(tmp_path: Path) -> None:
     assert one.manifest.numbers["pointing"].value < 0.2
     assert not [w for w in one.manifest.warnings if "no wheel turns" in w]
     two = prepare(str(tmp_path / "mine"), Options(sets=["wheels.failed=1+3"]))
-    assert "from 0 s on no wheel gives torque about" in "\n".join(two.checked.warnings)
+    assert "from 0 s on no wheel gives torque about" in "\n".join(two.warnings)
     missing = library.run(str(tmp_path / "mine"), {"wheels.failed": "1+3"}, stop=3000.0)
     assert missing.manifest.numbers["pointing"].value > 1.0
 

@@ -4,25 +4,27 @@ from __future__ import annotations
 
 import pytest
 
+from desat.files.build import build
 from desat.fmus import registry
+from desat.runs.checks import check_draft
 from desat.runs.prepare import read
 from desat.runs.run import Options
 from desat.system.errors import DesatError
 
 
 def test_a_shared_parameter_must_be_equal_everywhere():
-    builder = read("integrated/mil-nadir").builder(Options(blocks=True))
-    builder.components["manager"].parameters["axes_wheel[1,2]"] = 0.5
-    found = builder.check()
+    draft = build(read("integrated/mil-nadir"), Options(blocks=True))
+    draft.components["manager"].parameters["axes_wheel[1,2]"] = 0.5
+    found = check_draft(draft)
     assert found.problems == []  # a model onboard may err
     assert any(
         "manager.axes_wheel[1,2] = 0.5, but spacecraft." in w for w in found.warnings
     )
-    builder.components["wheels"].parameters["axes_wheel[1,2]"] = 0.5
+    draft.components["wheels"].parameters["axes_wheel[1,2]"] = 0.5
     with pytest.raises(
         DesatError, match=r"axes_wheel\[1,2\] = .*the two must be equal"
     ):
-        builder.check().or_raise()
+        check_draft(draft).or_raise()
 
 
 @pytest.mark.parametrize("known", ["axes_wheel", "inertia_wheel"])

@@ -525,7 +525,7 @@ def test_where_no_process_can_be_had_it_is_said(system, monkeypatch):
     monkeypatch.setattr(preparing, "CAN", False)
     case = prepare(str(system), Options(step=1.0))
     assert preparing.isolated_in(case.or_raise()[0], case.options) == frozenset()
-    (line,) = [w for w in case.checked.warnings if "POSIX" in w]
+    (line,) = [w for w in case.warnings if "POSIX" in w]
     assert line.startswith("bad: foreign FMUs run in the process of the run")
     run = simulate(prepare(str(system), options("NOTHING", isolate="foreign")))
     assert (run.code, run.manifest["loop"]["name"]) == (Exit.COMPLETED, "compiled")
@@ -533,9 +533,7 @@ def test_where_no_process_can_be_had_it_is_said(system, monkeypatch):
         DesatError, match="--isolate all: it needs processes that can be forked"
     ):
         prepare(str(system), Options(step=1.0, isolate="all")).or_raise()
-    assert (
-        prepare(str(system), Options(step=1.0, isolate="none")).checked.warnings == []
-    )
+    assert prepare(str(system), Options(step=1.0, isolate="none")).warnings == []
     monkeypatch.undo()
     with pytest.raises(
         DesatError, match="--isolate all: it has no effect without an FMU"
@@ -1453,9 +1451,9 @@ def test_room_is_estimated(system, tmp_path, monkeypatch, desat):
         r"^warning: .* may take .* are free", done.stderr.replace("\n", " ")
     )
     case = prepare(str(system), Options(step=2.0**-29, stop=999.0))
-    assert validation.size(case.checked.system, case.options) == 16 * (999 * 2**29 + 1)
+    assert validation.size(case.system, case.options) == 16 * (999 * 2**29 + 1)
     assert "GB are free" in validation.check_disk(
-        case.checked.system, case.options, system / "not there"
+        case.system, case.options, system / "not there"
     )
 
 
@@ -1576,7 +1574,7 @@ def test_what_a_component_prints_is_no_json_and_what_it_logs_is_a_warning(
 def test_a_source_outside_is_refused(system, tmp_path, source):
     shutil.copy(system / "resources/failing.fmu", tmp_path / "failing.fmu")
     (system / "SystemStructure.ssd").write_text(ssd(source))
-    problems = prepare(str(system), Options(step=1.0)).checked.problems
+    problems = prepare(str(system), Options(step=1.0)).problems
     assert any("is outside the folder of the system" in p for p in problems)
 
 
@@ -1584,7 +1582,7 @@ def test_a_parameter_file_outside_is_refused(system):
     binding = '<ssd:ParameterBindings><ssd:ParameterBinding source="{}"/></ssd:ParameterBindings>'
     for source in ("/etc/passwd", "../p.ssv"):
         (system / "SystemStructure.ssd").write_text(ssd(inside=binding.format(source)))
-        (problem,) = prepare(str(system), Options(step=1.0)).checked.problems
+        (problem,) = prepare(str(system), Options(step=1.0)).problems
         assert f"{source!r} is outside the folder of the system" in problem
 
 
@@ -1612,7 +1610,7 @@ def test_devices_and_pipes_are_not_read(system, tmp_path):
         (tmp_path / "manifest.json").write_text('{"status": "completed", "about": {}}')
     (system / "resources/failing.fmu").unlink()
     (system / "resources/failing.fmu").symlink_to(tmp_path / "pipe.fmu")
-    (problem,) = prepare(str(system), Options(step=1.0)).checked.problems
+    (problem,) = prepare(str(system), Options(step=1.0)).problems
     assert "not a regular file" in problem
 
 
@@ -1659,7 +1657,7 @@ def test_check_is_linear(tmp_path):
         inside = f"<ssd:Connectors>{connectors}</ssd:Connectors>"
         (tmp_path / "SystemStructure.ssd").write_text(ssd(inside=inside))
         began = time.process_time()
-        warnings = prepare(str(tmp_path), Options(step=1.0)).checked.warnings
+        warnings = prepare(str(tmp_path), Options(step=1.0)).warnings
         seconds.append(time.process_time() - began)
         [line] = [w for w in warnings if "no such variable" in w]
         assert line.endswith(f"and {count - 10} more; they are not used")
@@ -1756,7 +1754,7 @@ def test_check_runs_no_foreign_code_unless_trusted(apart, system, tmp_path):
 def test_a_binary_for_elsewhere_is_said(tmp_path):
     fmu(tmp_path / "resources/failing.fmu", b"", folder="win64")
     (tmp_path / "SystemStructure.ssd").write_text(ssd())
-    (problem,) = prepare(str(tmp_path), Options(step=1.0)).checked.problems
+    (problem,) = prepare(str(tmp_path), Options(step=1.0)).problems
     assert problem == "bad: failing.fmu has no binary for linux64; there is win64"
 
 
@@ -1766,7 +1764,7 @@ def test_a_binary_for_elsewhere_is_said(tmp_path):
 @pytest.mark.parametrize("name", ["a.b", "a/b", "time", "a[1]", "", "a&#9;b", "=1"])
 def test_names_that_no_series_can_have(system, name):
     (system / "SystemStructure.ssd").write_text(ssd(name=name))
-    problems = prepare(str(system), Options(step=1.0)).checked.problems
+    problems = prepare(str(system), Options(step=1.0)).problems
     assert any("a name is needed without" in p for p in problems)
 
 
@@ -1806,7 +1804,7 @@ def test_a_parameter_given_twice(system):
             )
         )
     )
-    problems = prepare(str(system), Options(step=1.0)).checked.problems
+    problems = prepare(str(system), Options(step=1.0)).problems
     assert any("how is given twice" in p for p in problems)
 
 

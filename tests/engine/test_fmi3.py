@@ -23,13 +23,13 @@ from desat.engine.loop import run, stepping
 from desat.engine.master import Master
 from desat.engine.recording.recorder import Recorder
 from desat.files import library
-from desat.files.builder import Builder
+from desat.files.draft import Assignment, Draft
 from desat.files.fmu import of_fmu
 from desat.fmus.build import DIST
+from desat.runs.checks import check_draft
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
-from desat.system.layer import Layer, Place, Value
-from desat.system.model import Connection
+from desat.system.model import Component, Connection
 from tests.conftest import ROOT
 
 BOTH = ("compiled", "python")
@@ -161,14 +161,11 @@ def system(folder: Path, of: str = "b", **parameters: object):
         "b": {"u[1]": 0.5, "u[3]": 2.5},
     }
     inputs[of] |= parameters
-    layer = Layer("here", "strange", connections=list(WIRES), step=0.5, stop=1e6)
+    draft = Draft("here", "strange", connections=list(WIRES), step=0.5, stop=1e6)
     for n in "ab":
-        layer.places.append(Place(n, "strange3.fmu", fmu))
-        layer.values += [
-            Value(n, name, x, "here", "here", unchecked=True)
-            for name, x in inputs[n].items()
-        ]
-    return Builder(layer).check().or_raise()
+        draft.components[n] = Component(n, "strange3.fmu", fmu.interface, fmu=fmu)
+        draft.assign(Assignment(n, name, x, "here") for name, x in inputs[n].items())
+    return check_draft(draft).or_raise()
 
 
 def rows(

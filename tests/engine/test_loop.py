@@ -26,12 +26,12 @@ from desat.engine.recording import series_file
 from desat.engine.recording.recorder import Recorder
 from desat.engine.recording.row_buffer import Layout, RowBuffer
 from desat.files import library
-from desat.files.builder import Builder
+from desat.files.draft import Assignment, Draft
 from desat.fmus.compiler import NoCompilerError, compiler
 from desat.runs import step_case
+from desat.runs.checks import check_draft
 from desat.runs.run import Options, execute, prepare, simulate
-from desat.system.layer import Layer, Place, Value
-from desat.system.model import Connection
+from desat.system.model import Component, Connection
 from tests.engine.test_rates import scenario
 
 
@@ -235,23 +235,16 @@ def _fmu(folder: Path) -> library.FmuFile:
 def system(folder: Path, wires=WIRES, stop: float = 1e6, **parameters: object):
     """Three of them in a row, b with these parameters."""
     fmu = _fmu(folder)
-    places = [
-        Place(n, "probe.fmu", fmu, step_ratio=2 if n == "c" else 1) for n in "abc"
-    ]
-    values = [
-        Value("b", name, x, "here", "here", unchecked=True)
-        for name, x in parameters.items()
-    ]
-    layer = Layer(
-        "here",
-        "probes",
-        places=places,
-        connections=list(wires),
-        values=values,
-        step=1.0,
-        stop=stop,
-    )
-    return Builder(layer).check().or_raise()
+    components = {
+        n: Component(
+            n, "probe.fmu", fmu.interface, fmu=fmu, step_ratio=2 if n == "c" else 1
+        )
+        for n in "abc"
+    }
+    draft = Draft("here", "probes", components=components, connections=list(wires))
+    draft.step, draft.stop = 1.0, stop
+    draft.assign(Assignment("b", name, x, "here") for name, x in parameters.items())
+    return check_draft(draft).or_raise()
 
 
 def test_a_failure_is_the_same(probe):

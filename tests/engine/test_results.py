@@ -42,7 +42,8 @@ from desat.engine.recording.results import Results
 from desat.export.series import export, no_formula
 from desat.figures.plots import series_figure
 from desat.files import library, paths
-from desat.files.builder import Builder
+from desat.files.build import build
+from desat.files.draft import Assignment, Draft
 from desat.files.fmu import of_fmu
 from desat.fmus import registry
 from desat.language.scenario import Number
@@ -51,14 +52,14 @@ from desat.numbers.derived import sample_rows
 from desat.numbers.measures import MEASURES
 from desat.numbers.numbers import evaluate, related, relative, scale
 from desat.numbers.text import spell_unit
+from desat.runs.checks import check_draft
 from desat.runs.manifest import read_manifest
 from desat.runs.prepare import read
 from desat.runs.run import Options, execute, load_run
 from desat.runs.validation import content_problems
 from desat.system.errors import DesatError
 from desat.system.interface import of_block
-from desat.system.layer import Layer, Place, Value
-from desat.system.model import Parameter
+from desat.system.model import Component, Parameter
 from tests.conftest import ROOT
 
 NAME = "uosat12/table3-ocdc-ilqr-1"
@@ -460,11 +461,11 @@ def test_measures():
 
 
 def test_each_number_of_a_series_that_is_not_there_is_said():
-    builder = read("uosat12/table3-ocdc-ilqr-1").builder(Options(blocks=True))
-    content = builder.about
-    del builder.components["manager"], builder.components["spacecraft"]
+    draft = build(read("uosat12/table3-ocdc-ilqr-1"), Options(blocks=True))
+    content = draft.about
+    del draft.components["manager"], draft.components["spacecraft"]
     lines = [
-        x for x in content_problems(content, builder.components) if x[0][0] == "numbers"
+        x for x in content_problems(content, draft.components) if x[0][0] == "numbers"
     ]
     gone = ("manager.", "spacecraft.")
     expected = {
@@ -675,10 +676,10 @@ def test_a_foreign_array_keeps_its_own_names(tmp_path, names, series):
     xml.write_text(text)
     b = {f"b_eci[{i + 1}]": 1e-5 * (i + 1) for i in range(3)}
     fmu = library.load(folder)
-    values = [Value("mine", name, value, "here", "here") for name, value in b.items()]
-    places = [Place("mine", "mine.fmu", fmu)]
-    layer = Layer("here", "mine", places=places, values=values, step=1.0, stop=3.0)
-    checked = Builder(layer).check()
+    component = Component("mine", "mine.fmu", fmu.interface, fmu=fmu)
+    draft = Draft("here", "mine", components={"mine": component}, step=1.0, stop=3.0)
+    draft.assign(Assignment("mine", name, value, "here") for name, value in b.items())
+    checked = check_draft(draft)
     with Master(*checked.or_raise()) as m:
         m.initialise()
         recorder = Recorder(None, m)

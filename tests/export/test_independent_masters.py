@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import importlib.util
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from benchmarks import seen
 from desat.export.packing import pack, pack_scenario
-from desat.files.builder import Builder
+from desat.files.build import build
 from desat.files.scenario import find, read_foreign
 from desat.files.ssp import read
+from desat.runs.checks import check_draft
 from desat.runs.run import Options, execute
 from tests import others
 from tests.conftest import python
@@ -63,7 +65,7 @@ print("ROWS " + json.dumps(rows))
 
 def real_outputs(path):
     """Every Real output of every component: {component: {variable: reference}}."""
-    system = Builder(read(path))
+    system = read(path, Options())
     return {
         c.name: {
             s.name: s.reference for s in c.interface.of("output") if s.kind == "Real"
@@ -197,14 +199,15 @@ def test_libcosim_agrees_through_a_firing_whose_edges_are_inside_steps(
 )
 def test_libcosim_agrees_on_components_that_step_less_often(tmp_path):
     """The lcm rule: an output moves when its source and its target are both due."""
-    builder = find("gyrostat/full").builder()
+    draft = build(find("gyrostat/full"), Options())
     for name, step_ratio in {"controller": 2, "magnetometer": 3, "manager": 6}.items():
-        builder.components[name].step_ratio = step_ratio
-        builder.components[name].parameters["sample_time"] = 0.0
-    system, _ = builder.check().or_raise()
+        component = replace(draft.components[name], step_ratio=step_ratio)
+        component.parameters["sample_time"] = 0.0
+        draft.components[name] = component
+    system, _ = check_draft(draft).or_raise()
     path = tmp_path / "multirate.ssp"
     pack(system, path)
-    assert Builder(read(path)).components["manager"].step_ratio == 6
+    assert read(path, Options()).components["manager"].step_ratio == 6
     outputs = real_outputs(path)
     expected = [(c, list(v.values())) for c, v in outputs.items()]
     theirs = rows_of(python(LIBCOSIM, str(path), json.dumps(expected), str(STEPS)))

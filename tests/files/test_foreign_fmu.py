@@ -131,7 +131,7 @@ def test_what_it_lacks_is_left_out_with_a_line_each(stranger: Path) -> None:
         "integrated/mil-nadir", Options(sources=[f"manager={stranger}"], stop=60.0)
     )
     case.or_raise()
-    text = "\n".join(case.checked.warnings)
+    text = "\n".join(case.warnings)
     assert re.search(
         r"common\.toml:\d+: plots\.wanted_torque\.signals: manager has no output "
         r"tau_des_body; .*: left out",
@@ -142,8 +142,8 @@ def test_what_it_lacks_is_left_out_with_a_line_each(stranger: Path) -> None:
         r"threshold_off; there is .*: left out",
         text,
     )
-    assert case.checked.system is not None
-    plots = case.checked.system.about.plots
+    assert case.system is not None
+    plots = case.system.about.plots
     assert "wanted_torque" not in plots
     assert plots["momentum"].signals
     assert not any("manager" in str(x.value) for x in plots["momentum"].limits)
@@ -241,9 +241,7 @@ def test_where_that_closes_a_circle_it_is_taken_a_step_late(
     case = prepare(str(folder), Options(step=1.0))
     _, schedule = case.or_raise()
     assert {moment for _, moment in schedule.timing} == {"one step late"}
-    assert "are taken one step late, as they close a circle" in "\n".join(
-        case.checked.warnings
-    )
+    assert "are taken one step late, as they close a circle" in "\n".join(case.warnings)
 
 
 def test_faults_against_the_standard_are_warnings(
@@ -256,7 +254,7 @@ def test_faults_against_the_standard_are_warnings(
         "nadir_day/day-dipole", Options(sources=[f"manager={path}"], stop=60.0)
     )
     case.or_raise()
-    (line,) = (x for x in case.checked.warnings if "not as FMI wants it" in x)
+    (line,) = (x for x in case.warnings if "not as FMI wants it" in x)
     assert line.startswith("manager: faulty.fmu: not as FMI wants it: ")
     assert "bogus" in line
     with pytest.raises(DesatError, match=r"faulty\.fmu: not as FMI wants it"):
@@ -367,7 +365,7 @@ def test_what_a_bare_fmu_cannot_have_is_left_out_in_a_package_and_by_source(
         prepare(name, Options(stop=20.0, sources=sources)),
     ):
         case.or_raise()
-        texts = [x for x in case.checked.warnings if "left out" in x]
+        texts = [x for x in case.warnings if "left out" in x]
         assert len(set(texts)) == len(texts)
         # rows of a paper do not travel in a package
         lines.append({x.split(": ", 1)[1] for x in texts if ": paper." not in x})
@@ -393,7 +391,7 @@ def test_a_limit_that_does_not_fit_is_left_out_alone(
                 plot["limits"] = [1.0, "wheels.speed_limit", "torquers.m_limit"]
                 data = json.dumps(about).encode()
             new.writestr(entry, data)
-    checked = prepare(str(other), Options(stop=20.0)).checked
+    checked = prepare(str(other), Options(stop=20.0))
     system, _ = checked.or_raise()
     (line,) = (x for x in checked.warnings if "left out" in x)
     assert "plots.dipole.limits: unit of" in line

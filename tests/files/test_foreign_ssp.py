@@ -180,7 +180,7 @@ def test_a_value_of_a_system_reaches_what_its_connector_feeds(
     )
     assert last(file, "inner_b.y") == 22.0
     case = prepare(str(file), Options(stop=2.0, step=0.5))
-    assert any("nobody reaches no component" in w for w in case.checked.warnings)
+    assert any("nobody reaches no component" in w for w in case.warnings)
 
 
 def test_a_mapping_renames_and_transforms_and_leaves_the_rest(
@@ -242,7 +242,7 @@ def test_a_dictionary_is_that_of_the_system_around(tmp_path: Path, gain: Path) -
     assert last(file, "p_deep_b.y") == 6.0
     assert last(file, "q_deep_b.y") == 7.0
     assert not any(
-        "has a dictionary" in w for w in prepare(str(file), Options()).checked.warnings
+        "has a dictionary" in w for w in prepare(str(file), Options()).warnings
     )
     (tmp_path / "d.ssb").unlink()
     with pytest.raises(
@@ -258,7 +258,7 @@ def test_a_dictionary_is_that_of_the_system_around(tmp_path: Path, gain: Path) -
             wire("r.x", "b.u"),
         ),
     )
-    messages = prepare(str(alone), Options(stop=2.0, step=0.5)).checked.warnings
+    messages = prepare(str(alone), Options(stop=2.0, step=0.5)).warnings
     assert any(
         "r: no system that it is in has a dictionary bus: taken" in w for w in messages
     )
@@ -287,7 +287,7 @@ def test_of_two_sets_the_later_stands_but_one_may_not_waver(
     )
     file = ssp(tmp_path, gain, system("s", component("a", two)))
     assert last(file, "a.y") == 5.0
-    assert not any("twice" in w for w in prepare(str(file), Options()).checked.warnings)
+    assert not any("twice" in w for w in prepare(str(file), Options()).warnings)
     rows = '<ssv:Parameter name="{}"><ssv:Real value="{}"/></ssv:Parameter>'
     for name, refused in (("k", True), ("lost", False)):
         both = rows.format(name, 3) + rows.format(name, 4)
@@ -295,9 +295,7 @@ def test_of_two_sets_the_later_stands_but_one_may_not_waver(
             "<ssv:Parameters>", f"<ssv:Parameters>{both}"
         )
         file = ssp(tmp_path, gain, system("s", component("a", twice)))
-        answer = [
-            p for p in prepare(str(file), Options()).checked.problems if "twice" in p
-        ]
+        answer = [p for p in prepare(str(file), Options()).problems if "twice" in p]
         assert bool(answer) == refused
         assert not refused or answer[0].endswith("k is given twice")
 
@@ -356,9 +354,9 @@ def test_enumerations_are_integers_with_names(tmp_path: Path, gain: Path) -> Non
         Options(),
     )
     case.or_raise()
-    assert case.checked.system is not None
-    assert case.checked.system.components["a"].parameters["k"] == 0
-    assert any("proxyfmu its file alone is used" in w for w in case.checked.warnings)
+    assert case.system is not None
+    assert case.system.components["a"].parameters["k"] == 0
+    assert any("proxyfmu its file alone is used" in w for w in case.warnings)
     wrong = ssp(tmp_path, gain, system("s", one.format(values.format("of"))))
     with pytest.raises(DesatError, match=r"a\.k = of: not a choice; did you mean off"):
         prepare(str(wrong), Options()).or_raise()
@@ -368,9 +366,9 @@ def test_times_of_the_fmus_where_the_file_has_none(tmp_path: Path, gain: Path) -
     file = ssp(tmp_path, gain, system("s", component("a", inline({"u": 1.0}))))
     case = prepare(str(file), Options())
     case.or_raise()
-    assert case.checked.system is not None
-    assert (case.checked.system.step, case.checked.system.stop) == (0.5, 2.0)
-    assert any("no step: 0.5 s of gain.fmu" in w for w in case.checked.warnings)
+    assert case.system is not None
+    assert (case.system.step, case.system.stop) == (0.5, 2.0)
+    assert any("no step: 0.5 s of gain.fmu" in w for w in case.warnings)
 
 
 def test_what_is_forgotten_is_a_warning(tmp_path: Path, gain: Path) -> None:
@@ -385,7 +383,7 @@ def test_what_is_forgotten_is_a_warning(tmp_path: Path, gain: Path) -> None:
     file = ssp(tmp_path, gain, system("s", one + two), hint, version="2.0")
     case = prepare(str(file), Options())
     case.or_raise()
-    text = "\n".join(case.checked.warnings)
+    text = "\n".join(case.warnings)
     for message in (
         "prefix osp is not declared",
         "version 2.0: read as 1.0",
@@ -470,7 +468,7 @@ def test_files_may_be_named_by_uri(tmp_path: Path, gain: Path, form: str) -> Non
         file = ssp(folder, gain, system("s", one))
         run = desat.run(str(file), stop=2.0, step=0.5, substeps=1, **options)
         assert run.results.values("a.y")[-1] == 3.0
-    problems = prepare(str(file), Options(stop=2.0, step=0.5)).checked.problems
+    problems = prepare(str(file), Options(stop=2.0, step=0.5)).problems
     assert len(problems) == 2, "the FMU and the parameter file"
     assert all("is outside the folder of the system" in p for p in problems)
 
@@ -483,7 +481,7 @@ def test_a_file_outside_is_one_problem(tmp_path: Path, gain: Path, source: str) 
     bare = f'<ssd:Component name="a" source="{source}"/>'
     elements = system("s", bare + component("b"), wire("a.y", "b.u"))
     file = ssp(tmp_path, gain, elements)
-    (line,) = prepare(str(file), Options(stop=2.0, step=0.5)).checked.problems
+    (line,) = prepare(str(file), Options(stop=2.0, step=0.5)).problems
     assert "is outside the folder of the system" in line
 
 

@@ -10,7 +10,6 @@ import pytest
 
 from desat.analyses.flight import hardware_of, values_of
 from desat.files import craft
-from desat.files.builder import Builder
 from desat.files.hardware import KINDS, figures, known_figures, quantity, values
 from desat.fmus.registry import block_class
 from desat.runs.prepare import prepare
@@ -43,7 +42,9 @@ RPM = math.pi / 30.0
 
 def components_of(folder, text: str, base: str = CRAFT):
     (folder / "mine.toml").write_text(base + text, encoding="utf-8")
-    return Builder(craft.read(folder / "mine.toml")).components
+    draft = craft.read(folder / "mine.toml", Options())
+    draft.complete()
+    return draft.components
 
 
 def test_a_class_gives_what_is_typical(tmp_path):

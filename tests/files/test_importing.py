@@ -137,7 +137,7 @@ def run(file: Path, **options: object) -> desat.Run:
 
 
 def checked(file: Path, **options: object):
-    return prepare(str(file), Options(stop=2.0, step=0.5, **options)).checked
+    return prepare(str(file), Options(stop=2.0, step=0.5, **options))
 
 
 # --- names ----------------------------------------------------------------------------
@@ -730,10 +730,10 @@ def test_a_fault_of_many_components_is_one_line(typed, tmp_path):
 def test_a_step_that_is_given_is_not_missed(typed, tmp_path):
     fmu(tmp_path / "resources/a.fmu", typed, [variable("y", 16, causality="output")])
     file = write(tmp_path, component("a"))
-    guessed = prepare(str(file), Options()).checked.warnings
+    guessed = prepare(str(file), Options()).warnings
     assert sum("no step: 0.5 s" in w or "no stop time" in w for w in guessed) == 2
     assert not [w for w in checked(file).warnings if "no st" in w]
-    half = prepare(str(file), Options(step=0.25)).checked.warnings
+    half = prepare(str(file), Options(step=0.25)).warnings
     assert ["no step" in w for w in half if "no st" in w] == [False]
 
 
@@ -748,10 +748,10 @@ def test_a_fixed_step_that_does_not_fit_is_told(typed, tmp_path):
             new.writestr(entry, old.read(entry).replace(text.encode(), b""))
     shutil.copy(odd, path)
     file = write(tmp_path, component("a"))
-    fit = prepare(str(file), Options(stop=2.0, step=1.0)).checked.warnings
+    fit = prepare(str(file), Options(stop=2.0, step=1.0)).warnings
     assert not any("fixed step" in w for w in fit)
     for step in (0.2, 0.75):
-        found = prepare(str(file), Options(stop=3.0, step=step)).checked.warnings
+        found = prepare(str(file), Options(stop=3.0, step=step)).warnings
         assert any(
             f"has a fixed step of 0.5 s, which does not fit into its step of {step:g} s"
             in w

@@ -120,9 +120,7 @@ def _one(folder: Path, kind: str, data: bytes, traced: Outcome | None) -> str:
         sys.settrace(_tracer(traced.lines))
     try:
         message = (
-            "refused"
-            if prepare(str(folder / target), _options(kind)).checked.problems
-            else ""
+            "refused" if prepare(str(folder / target), _options(kind)).problems else ""
         )
     except DesatError as error:
         message = "refused" if str(error) else "no message"

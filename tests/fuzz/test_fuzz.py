@@ -147,7 +147,7 @@ def test_a_variable_that_the_standard_does_not_allow_is_named_in_a_line(
     target, file = TARGETS[kind]
     (tmp_path / file).write_bytes(fuzz._wrapped(kind, data))
     try:
-        found = prepare(str(tmp_path / target), fuzz._options(kind)).checked
+        found = prepare(str(tmp_path / target), fuzz._options(kind))
         code, lines = Exit.INPUT, [*found.problems, *found.warnings]
     except DesatError as refused:
         code, lines = refused.code, str(refused).splitlines()

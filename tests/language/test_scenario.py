@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 from desat import cli
 from desat.campaign.sampling import draw_of
 from desat.files import paths, reader, scenario
+from desat.files.build import build
 from desat.files.scenario import find, load, read_foreign
 from desat.language import paper
 from desat.language import scenario as language
@@ -102,12 +103,12 @@ def checked(name: str = "f/t-a") -> str:
     """What `desat check` says is wrong with the words and names of a scenario."""
     try:
         found = scenario.find(name)
-        builder = found.builder(blocks=True)
-        wrong = validation.content_problems(found.content, builder.components)
-        builder.problems += [f"{found.place(path)}: {text}" for path, text in wrong]
+        draft = build(found, Options(blocks=True))
+        wrong = validation.content_problems(found.content, draft.components)
+        draft.problems += [f"{found.place(path)}: {text}" for path, text in wrong]
     except DesatError as error:
         return str(error)
-    return "\n".join(builder.problems)
+    return "\n".join(draft.problems)
 
 
 def test_the_sound_file_is_silent(family):
@@ -533,7 +534,7 @@ def test_signs_and_one_of(family):
     spec = '{ signs = [0.1, 0.2, 0.3] }\n"environment.phase" = { one_of = [0.5, 1.5] }'
     family(t=BASE.replace("{ direction = 2.0 }", spec))
     assert checked() == ""
-    system = scenario.find("f/t-a").builder(blocks=True)
+    system = build(scenario.find("f/t-a"), Options(blocks=True))
     found = [draw_of(system, 1, i) for i in range(40)]
     h = np.array([d["spacecraft.h_start_body"] for d in found])
     assert np.array_equal(np.abs(h), np.tile([0.1, 0.2, 0.3], (40, 1)))
@@ -649,7 +650,7 @@ def test_all_of_ours_are_sound():
         for n in good
         if n.endswith(("-1", "dumping", "nadir", "cross-product", "full"))
     ]:
-        components = good[name].builder(blocks=True).components
+        components = build(good[name], Options(blocks=True)).components
         problems += validation.content_problems(good[name].content, components)
     assert problems == []
 

@@ -22,6 +22,7 @@ from desat.components.physics import (
     torques,
 )
 from desat.fmus.registry import block_class
+from desat.runs.cases import draft_to_draw
 from desat.runs.prepare import read
 from desat.runs.run import Options, execute
 from tests.contract.test_block import begin, fresh
@@ -492,7 +493,7 @@ def test_a_wrong_model_costs_little_once_it_is_learnt(file, case, draw):
     from desat.campaign.sampling import draw_of
 
     name = f"uosat12/{file}-receding_horizon-{case}"
-    start = draw_of(read(name).to_draw(blocks=True), 1, draw)
+    start = draw_of(draft_to_draw(read(name), True), 1, draw)
 
     def above(spread, cost):
         own_value = {"manager.field_spread": spread, "manager.reserve_cost": cost}

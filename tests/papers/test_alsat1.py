@@ -787,7 +787,7 @@ def test_schedules_that_differ_are_a_warning():
         Options(blocks=True, sets=["thrusters.schedule_start=50,0,0,0,0,0,0,0"]),
     )
     case.or_raise()
-    [line] = [w for w in case.checked.warnings if "schedule_start" in w]
+    [line] = [w for w in case.warnings if "schedule_start" in w]
     assert "manager" in line
     assert "thrusters" in line
 
@@ -797,13 +797,13 @@ def test_a_firing_that_lasts_beyond_the_run_is_said():
         case = prepare(
             "alsat1/firing-z-wheel", Options(blocks=True, stop=stop, sets=list(NEAR))
         )
-        lines = [x for x in case.checked.warnings if "beyond the run's end" in x]
+        lines = [x for x in case.warnings if "beyond the run's end" in x]
         assert len(lines) == message
     text = r"thrusters.schedule_duration[1] = 30 s from 100 s on: it lasts beyond the run's end at"
     case = prepare(
         "alsat1/firing-z-wheel", Options(blocks=True, stop=110.0, sets=list(NEAR))
     )
-    assert any(text in x for x in case.checked.warnings)
+    assert any(text in x for x in case.warnings)
 
 
 def test_a_torque_that_the_wheels_cannot_take_is_said():
@@ -815,7 +815,7 @@ def test_a_torque_that_the_wheels_cannot_take_is_said():
     text = (
         "manager.schedule_tau_body[1,3] = 0.009 N m: more than torque_limit = 0.005 N m"
     )
-    assert [x for x in case.checked.warnings if text in x]
+    assert [x for x in case.warnings if text in x]
 
 
 # --- stored runs and draws ------------------------------------------------------------

@@ -8,7 +8,7 @@ import pytest
 
 from desat.files.io import toml
 from desat.files.scenario import find, scenarios
-from desat.runs.prepare import Target, resolved
+from desat.runs.prepare import resolved
 from desat.runs.run import Options, execute, prepare
 from tests.conftest import but, module_of
 
@@ -23,7 +23,7 @@ START = "spacecraft.h_start_body=2,0,0"
 
 def _of_design(scenario) -> list[str]:
     """What is said of the kept design of a scenario that runs as it is."""
-    system, _ = resolved(Target(scenario.name, scenario), Options())
+    system, _ = resolved(scenario, Options())
     return origin.warnings(scenario, Options(), system)
 
 
@@ -50,7 +50,7 @@ def test_no_kept_design_is_for_other_values():
     ],
 )
 def test_a_design_for_other_values_is_said(options, fault):
-    checked = prepare(MEC, Options(**options)).checked
+    checked = prepare(MEC, Options(**options))
     (line,) = [w for w in checked.warnings if "its design" in w]
     assert fault in line
     assert f"`desat run {MEC} ... --design now`" in line
@@ -60,24 +60,22 @@ def test_what_cannot_matter_to_a_design_is_not_said():
     same = Options(
         sets=["spacecraft.h_start_body=1,2,-1", "manager.costate=1,0,0"], stop=3000.0
     )
-    assert prepare(MEC, same).checked.warnings == []
+    assert prepare(MEC, same).warnings == []
     blind = find("uosat12/fig2-offnadir-mec-blind")
     ((name, table),) = blind.content.design.assume.items()
     values = {
         f"{name}.{k}": [[2.0 * x for x in row] for row in v] for k, v in table.items()
     }
-    assert prepare(blind.name, Options(values=values)).checked.warnings == []
+    assert prepare(blind.name, Options(values=values)).warnings == []
 
 
 def test_a_design_of_another_scenario_follows_its_values():
     flight = "uosat12/fig2-flight-mec-1"
-    (line,) = prepare(
-        flight, Options(values={"torquers.quiet_time": 2.0})
-    ).checked.warnings
+    (line,) = prepare(flight, Options(values={"torquers.quiet_time": 2.0})).warnings
     assert "torquers.quiet_time = 0.0, now 2.0" in line
     (line,) = prepare(
         flight, Options(values={"wheels.h_start_wheel": [1.0, 1.0, 1.0, 0.0]})
-    ).checked.warnings
+    ).warnings
     assert "that of uosat12/fig2-mec-1, which has no wheels.h_start_wheel" in line
 
 

@@ -776,10 +776,11 @@ def test_a_second_panel_shows_the_steady_state_and_an_envelope_the_extremes():
 def test_a_stored_draw_comes_out_again(current):
     """The first draw of the shortest scenario, bit for bit."""
     from desat.campaign.sampling import draw_of as values_of
+    from desat.runs.cases import draft_to_draw
     from desat.runs.prepare import read
 
     name = "integrated/velocity-dumping"
-    values = values_of(read(name).builder(Options(blocks=True)), current["seed"], 0)
+    values = values_of(draft_to_draw(read(name), True), current["seed"], 0)
     again = execute(name, Options(values=values)).manifest["numbers"]
     saved = current["scenarios"][name]["draws"][0].numbers
     assert {k: again[k]["value"] for k in saved} == pytest.approx(saved, rel=1e-6)

@@ -613,24 +613,20 @@ def test_a_run_on_tables_of_another_attitude_or_beyond_them_is_refused_before_it
     name = f"{FAMILY}/mixed-me-nominal"
     turned = Options(blocks=True, sets=["guidance.q_target_bi=1,0,0,0"])
     assert any(
-        "tables are of another orbit" in p
-        for p in prepare(name, turned).checked.problems
+        "tables are of another orbit" in p for p in prepare(name, turned).problems
     )
     other = Options(blocks=True, sets=["environment.inclination=0.6"])
     assert any(
-        "tables are of another orbit" in p
-        for p in prepare(name, other).checked.problems
+        "tables are of another orbit" in p for p in prepare(name, other).problems
     )
     longer = Options(blocks=True, stop=50000.0)
     assert any(
         "end at 46200 s, the run at 50000 s" in p
-        for p in prepare(name, longer).checked.problems
+        for p in prepare(name, longer).problems
     )
     missing = Options(blocks=True, sets=["manager.made_for=0"])
-    assert any(
-        "tables are missing" in p for p in prepare(name, missing).checked.problems
-    )
-    assert prepare(name, Options(blocks=True)).checked.problems == []
+    assert any("tables are missing" in p for p in prepare(name, missing).problems)
+    assert prepare(name, Options(blocks=True)).problems == []
 
 
 def test_a_kept_design_is_that_of_today_s_code():

@@ -33,6 +33,7 @@ from desat.numbers.derived import pointing
 from desat.runs import prepare as preparing
 from desat.runs import run as running
 from desat.runs import substep_choice
+from desat.runs.cases import draft_to_draw
 from desat.runs.run import Options, prepare, resume, simulate
 from desat.system.errors import DesatError
 from desat.system.model import AUTO
@@ -223,7 +224,7 @@ def test_strong_jets_are_warned_of():
     values = LIGHT | jets((0.8, 0, 0), (0, 0.6, 0), (0.4, 0, 0.8), (0, 0.4, -0.2))
     values["wheels.h_start_wheel"] = [0.02, -0.01, 0.03, 0.0]
     case = prepare("gyrostat/pulses", Options(substeps=1, values=values))
-    assert any("largest torque of thrusters" in w for w in case.checked.warnings)
+    assert any("largest torque of thrusters" in w for w in case.warnings)
     (error, _), manifest = fly("gyrostat/pulses", substeps=1, values=values)
     assert error > 1e-4
     assert any("torque of all actuators" in w for w in manifest["warnings"])
@@ -242,7 +243,7 @@ def test_what_a_jet_makes_of_a_craft_at_rest_is_looked_at():
         "wheels.speed_limit": 1e4,
     }
     case = prepare("gyrostat/pulses", Options(substeps=1, values=values))
-    assert not any("turn and nutation" in w for w in case.checked.warnings)
+    assert not any("turn and nutation" in w for w in case.warnings)
     run = simulate(case)
     rate = np.linalg.norm(run.results.values("spacecraft.omega_bi_body"), axis=1).max()
     assert 0.5 < rate < 1.5
@@ -307,7 +308,7 @@ def test_jitter_has_its_place_in_the_warning(tmp_path):
 
     def flown_with(count):
         case = prepare(target, Options(substeps=count, values=values))
-        return case.checked.warnings, simulate(case).results.values("spacecraft.q_bi")
+        return case.warnings, simulate(case).results.values("spacecraft.q_bi")
 
     warned, q = flown_with(1)
     truth = flown_with(1000)[1]
@@ -316,7 +317,7 @@ def test_jitter_has_its_place_in_the_warning(tmp_path):
     stated = float(line.split("error of about ")[1].split(" ")[0])
     assert 1.0 < stated / error < 10.0
     quiet = {**values, "wheels.unbalance": 0.0}
-    warnings = prepare(target, Options(values=quiet)).checked.warnings
+    warnings = prepare(target, Options(values=quiet)).warnings
     assert not any("jitter of unbalanced" in w for w in warnings)
 
 
@@ -714,7 +715,7 @@ def test_cases_choose_once_and_state_an_error_that_holds(tmp_path, monkeypatch, 
     monkeypatch.chdir(tmp_path)
     new_craft.write(Path("mine"), CraftFacts(**inputs), "desat new craft")
     source, options = preparing.read("mine"), Options(stop=3000.0)
-    values_of = partial(draw_of, source.to_draw(options.blocks), 3)
+    values_of = partial(draw_of, draft_to_draw(source, options.blocks), 3)
     first = prepare(source, options)
     choice = substep_choice.choose_for_cases(first, source, options, values_of)
     again = substep_choice.choose_for_cases(first, source, options, values_of)
@@ -737,7 +738,7 @@ def test_a_case_beyond_the_others_is_looked_at_again(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     new_craft.write(Path("mine"), CraftFacts(size="12U"), "desat new craft")
     source, options = preparing.read("mine"), Options(stop=1000.0)
-    values_of = partial(draw_of, source.to_draw(options.blocks), 3)
+    values_of = partial(draw_of, draft_to_draw(source, options.blocks), 3)
     first = prepare(source, options)
     choice = substep_choice.choose_for_cases(first, source, options, values_of)
     values = {**values_of(5), "spacecraft.omega_start_body": [0.05, -0.05, 0.05]}

@@ -132,7 +132,7 @@ def test_a_dump_that_waits_begins_before_the_wheels_are_full():
 )
 def test_a_wait_that_cannot_be_afforded_is_refused(tmp_path, options, count):
     write(tmp_path / "c", FAR, "")
-    checked = prepare(str(tmp_path / "c"), Options(sets=list(options))).checked
+    checked = prepare(str(tmp_path / "c"), Options(sets=list(options)))
     assert len([x for x in checked.problems if "wait" in x]) == count
     if options == ("manager.latest=0",):
         (line,) = checked.problems
@@ -406,7 +406,7 @@ def test_wheels_of_the_weekly_capacity_dump_once_a_week(sizing, tmp_path):
 
 def test_worst_of_a_geo_craft_is_sound(geo):
     case = prepare(f"{geo}/worst.toml", Options())
-    assert case.checked.problems == []
+    assert case.problems == []
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,7 @@ from desat.figures.plots import series_figure
 from desat.figures.style import COLOURS
 from desat.files import paths
 from desat.numbers.text import Value
+from desat.runs.cases import draft_to_draw
 from desat.runs.prepare import prepare, read
 from desat.runs.run import execute
 from desat.studies import compare
@@ -457,7 +458,7 @@ def test_laws_are_ranked_over_samples(orbits, desat):
     source = read(str(folder))
     peaks = []
     for k in range(3):
-        values = draw_of(source.to_draw(False), 1, k)
+        values = draw_of(draft_to_draw(source, False), 1, k)
         run = execute(str(folder), Options(stop=1500.0, values=values))
         peaks.append(100.0 - run.manifest.numbers["momentum_margin"].value)
     (first,) = [law for law in answer["laws"] if law["own"]]

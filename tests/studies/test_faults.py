@@ -16,6 +16,7 @@ from desat.begin.facts import CraftFacts
 from desat.campaign.draws import RunRow
 from desat.campaign.sampling import draw_of
 from desat.fmus.registry import block_class, names
+from desat.runs.cases import draft_to_draw
 from desat.runs.prepare import prepare, read
 from desat.runs.run import execute
 from desat.studies import faults
@@ -82,7 +83,7 @@ def test_a_sample_with_a_fault_is_the_run_with_its_values(craft):
     options = Options(stop=2000.0)
     found = faults.fly_faults([str(craft)], options, [fault], 1, 3, jobs=1)
     values = {
-        **draw_of(read(str(craft)).to_draw(False), 3, 0),
+        **draw_of(draft_to_draw(read(str(craft)), False), 3, 0),
         "torquers.failed_coil": "1",
         "torquers.failed_share": 0.5,
     }

@@ -102,9 +102,7 @@ def test_what_derives_from_the_craft_follows_it():
     ],
 )
 def test_references_that_make_no_sense_are_refused(sets, fault):
-    checked = prepare(
-        "integrated/ideal-inertial", Options(sets=sets, blocks=True)
-    ).checked
+    checked = prepare("integrated/ideal-inertial", Options(sets=sets, blocks=True))
     assert any(fault in problem for problem in checked.problems)
 
 

@@ -37,8 +37,8 @@ def write_own(tmp_path):
 def messages_of(target: str, *sets: str) -> list[str]:
     """What a check warns of in a craft that may be another's."""
     case = prepare(target, Options(blocks=True, sets=list(sets)))
-    assert not case.checked.problems, case.checked.problems
-    return [x for x in case.checked.warnings if ANOTHER in x]
+    assert not case.problems, case.problems
+    return [x for x in case.warnings if ANOTHER in x]
 
 
 def test_a_craft_that_extends_another_is_one_craft(write_own):
@@ -232,9 +232,9 @@ MEANT = {
 def test_no_scenario_of_ours_is_half_another_craft():
     for name in list(scenarios())[::2]:  # of a family most differ in one value
         case = prepare(name, Options())
-        for line in case.checked.warnings:
+        for line in case.warnings:
             if ANOTHER in line:
-                known = table(case.checked.system.components.values())
+                known = table(case.system.components.values())
                 parameter = next(p for p in MEANT if f" {p}" in line)
                 owner, _, key = parameter.partition(".")
                 assert key in known[owner]

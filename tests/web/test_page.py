@@ -912,7 +912,7 @@ def lines_alike(path: Path, target: str, options: Options, moved: dict[str, floa
     sets = [text_of(sliders[n], x, law["values"]) for n, x in moved.items()]
     options = Options(**{**vars(options), "sets": [*options.sets, *sets]})
     manifest = execute(target, options, None).manifest
-    before = prepare(target, options).checked.warnings
+    before = prepare(target, options).warnings
     if not moved:
         assert {*found["before"]} == {*before}
     after = {x for x in manifest.warnings if "accuracy is shown up to" not in x}

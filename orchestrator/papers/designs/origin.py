@@ -19,7 +19,7 @@ from ...files.reader import design
 from ...files.scenario import Scenario, find
 from ...language.scenario import Design, DesignFile
 from ...runs.case import Case
-from ...runs.checks import run_checks
+from ...runs.checks import check_draft
 from ...system.interface import MISSING, base_name
 from ...system.model import Connection, System
 from ...system.options import Options
@@ -48,9 +48,7 @@ def case_for(scenario: Scenario, options: Options, designed: bool = False) -> Ca
             for owner, values in scenario.content.design.assume.items()
             for variable, value in values.items()
         )
-    case = Case.of_draft(scenario, on_blocks, draft)
-    run_checks(case, "structure")
-    return case
+    return check_draft(draft, on_blocks, scenario)
 
 
 LONGEST = 12  # an array longer than this is stored as a digest
