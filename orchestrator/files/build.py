@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
+from ..language.content import content_of, dispersions_of
 from ..system.errors import DesatError, require
 from ..system.interface import base_name
 from ..system.model import J2000, Fmu, Values
@@ -25,7 +26,6 @@ def build(
     scenario: Scenario,
     options: Options,
     designed: Mapping[str, Values] | None = None,
-    drawn: Mapping[str, str] | None = None,
 ) -> Draft:
     """Build the draft of a scenario's system with the options.
 
@@ -37,9 +37,7 @@ def build(
         Times, replacing FMUs, values, and what components run as.
     designed
         Parameters of a design that the options select, a table for each component, in
-        place of the scenario's own design.
-    drawn
-        File and key of the dispersion of each value of the options that is drawn.
+        place of the scenario's own design; None: the own design counts.
 
     Raises
     ------
@@ -52,7 +50,7 @@ def build(
     if designed:
         own_values = scenario.parameters(designed=False)
         draft.assign(_design_values(designed, own_values))
-    _add_options(draft, options, drawn or {})
+    _add_options(draft, options, _drawn_origins(draft, scenario, options))
     if options.fmus != "native":
         draft.components = {
             name: replace(c, fmu=c.fmu and library.of_kind(c.fmu, options.fmus))
@@ -153,7 +151,8 @@ def _scenario_values(scenario: Scenario, designed: bool) -> Iterator[Assignment]
         yield Assignment(SHARED, "epoch_j2000", seconds, at("epoch"))
     for owner, values in scenario.parameters(designed).items():
         for name, value in values.items():
-            yield Assignment(owner, name, value, at("parameters", owner, name))
+            file, key = scenario.origin_of(("parameters", owner, name))
+            yield Assignment(owner, name, value, f"{file}: {key}", subject=file)
 
 
 def _design_values(
@@ -166,14 +165,38 @@ def _design_values(
                 yield Assignment(owner, name, value, f"--design: {owner}.{name}")
 
 
+def _drawn_origins(
+    draft: Draft, scenario: Scenario, options: Options
+) -> dict[str, str]:
+    """Return file and key of the dispersion of each drawn value.
+
+    A draw has a value for each dispersion; without that the result is empty.
+    """
+    spread = dispersions_of(draft)
+    if not spread.keys() <= options.values.keys():
+        return {}
+    dispersions = content_of(draft.about).dispersions
+    origins = {}
+    for name in spread:
+        key = name if name in dispersions else f"*.{name.partition('.')[2]}"
+        path = ("dispersions", key)
+        place = draft.place, ".".join(path)
+        if not scenario.is_system_file:
+            place = scenario.origin_of(path)
+        origins[name] = ": ".join(place)
+    return origins
+
+
 def _add_options(draft: Draft, options: Options, drawn: Mapping[str, str]) -> None:
     """Add times, FMUs and values of the options.
+
+    A drawn value that does not fit is a problem of its draw.
 
     Raises
     ------
     DesatError
-        If an option has another form, gives a value twice, or gives an input a value
-        that an output feeds.
+        If an option has another form or a value that does not fit, gives a value
+        twice, or gives an input a value that an output feeds.
     """
     draft.substeps = options.substeps or draft.substeps
     draft.accuracy = options.accuracy or draft.accuracy
@@ -194,7 +217,11 @@ def _add_options(draft: Draft, options: Options, drawn: Mapping[str, str]) -> No
         replaced.append(name)
     for given in values:
         _check_open(draft, given)
-    draft.assign(values)
+    before = len(draft.problems)
+    draft.assign(given for given in values if given.origin not in drawn.values())
+    if len(draft.problems) > before:
+        raise DesatError("\n".join(dict.fromkeys(draft.problems[before:])))
+    draft.assign(given for given in values if given.origin in drawn.values())
     for name in replaced:
         adopt_shared(draft, name)
 
@@ -211,7 +238,8 @@ def _option_values(options: Options, drawn: Mapping[str, str]) -> Iterator[Assig
         yield Assignment(owner, name, value, f"--set {text}", typed)
     for key, value in options.values.items():
         owner, _, name = key.partition(".")
-        yield Assignment(owner, name, value, drawn.get(key, key))
+        origin = drawn.get(key, key)
+        yield Assignment(owner, name, value, origin, subject=drawn.get(key, ""))
 
 
 def _check_open(draft: Draft, given: Assignment) -> None:

@@ -94,7 +94,7 @@ def check_connectors(draft: Draft) -> None:
         interface, name = component.interface, component.name
         if interface is MISSING:
             continue
-        with_values = {*component.parameters, *map(base_name, component.parameters)}
+        with_values = {*component.origins, *map(base_name, component.origins)}
         wrong: dict[bool, list[tuple[Connector, str]]] = {True: [], False: []}
         for connector in component.connectors.values():
             signal = interface.signals.get(connector.name)

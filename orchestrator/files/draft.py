@@ -44,14 +44,7 @@ class Assignment(NamedTuple):
     value: Any
     origin: str  # file and key, or option
     typed: str = ""  # the value as it was typed, which a String takes
-
-    @property
-    def subject(self) -> str:
-        """Return how messages about the value begin: the origin without its name."""
-        if self.owner != SHARED and self.origin.endswith(f"{self.owner}.{self.name}"):
-            file, separator, _ = self.origin.rpartition(": ")
-            return file + separator
-        return f"{self.origin}: "
+    subject: str | None = None  # beginning of messages about it; None: the origin
 
 
 @dataclass
@@ -210,7 +203,8 @@ def assign_value(component: Component, given: Assignment) -> None:
         If the value does not fit (`expand`).
     """
     interface, name, value = component.interface, given.name, given.value
-    at = f"{given.subject}{component.name}"
+    subject = given.origin if given.subject is None else given.subject
+    at = f"{subject}: {component.name}" if subject else component.name
     signals = interface.elements.get(name, ())
     kind = signals[0].kind if signals else ""
     if kind == "Real" and isinstance(value, str) and not is_quantity(value):

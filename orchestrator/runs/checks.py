@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from functools import wraps
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -98,6 +99,7 @@ def check_draft(
 def of_system(find: Callable[[System], Lines]) -> Callable[[Case], Lines]:
     """Make a check of a case from one of its system."""
 
+    @wraps(find)
     def of_case(case: Case) -> Lines:
         assert case.system is not None
         return find(case.system)
@@ -107,7 +109,13 @@ def of_system(find: Callable[[System], Lines]) -> Callable[[Case], Lines]:
 
 def of_run(find: Callable[[System, Options], Lines]) -> Callable[[Case], Lines]:
     """Make a check of a case from one of its system and options."""
-    return lambda case: of_system(lambda system: find(system, case.options))(case)
+
+    @wraps(find)
+    def of_case(case: Case) -> Lines:
+        assert case.system is not None
+        return find(case.system, case.options)
+
+    return of_case
 
 
 # --- Checks of a case -----------------------------------------------------------------

@@ -20,6 +20,7 @@ def test_a_shared_parameter_must_be_equal_everywhere():
     assert any(
         "manager.axes_wheel[1,2] = 0.5, but spacecraft." in w for w in found.warnings
     )
+    draft = build(read("integrated/mil-nadir"), Options(blocks=True))
     draft.components["wheels"].parameters["axes_wheel[1,2]"] = 0.5
     with pytest.raises(
         DesatError, match=r"axes_wheel\[1,2\] = .*the two must be equal"

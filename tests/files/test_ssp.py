@@ -186,15 +186,15 @@ def rezip(source: Path, target: Path, **changes: bytes | None) -> Path:
 
 def test_hostile_archives(packed, tmp_path, monkeypatch):
     with pytest.raises(DesatError, match="would leave the folder"):
-        ssp.read(rezip(packed, tmp_path / "a.ssp", **{"../../evil": b"x"}))
+        ssp.read(rezip(packed, tmp_path / "a.ssp", **{"../../evil": b"x"}), Options())
     with pytest.warns(UserWarning, match="Duplicate"):
         twice = rezip(packed, tmp_path / "b.ssp", **{"SystemStructure.ssd": b"x"})
     with pytest.raises(DesatError, match=r"holds SystemStructure.ssd twice"):
-        ssp.read(twice)
+        ssp.read(twice, Options())
     big = rezip(packed, tmp_path / "c.ssp", extra=b"0" * 1000)
     monkeypatch.setattr(io, "LARGEST", 1000)
     with pytest.raises(DesatError, match="allowed"):
-        ssp.read(big)
+        ssp.read(big, Options())
 
 
 @pytest.mark.parametrize(
@@ -206,7 +206,7 @@ def test_no_archives(tmp_path, data, message):
     if data:
         path.write_bytes(data)
     with pytest.raises(DesatError, match=message):
-        ssp.read(path)
+        ssp.read(path, Options())
 
 
 def test_entities_are_not_resolved():

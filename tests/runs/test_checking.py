@@ -3,6 +3,7 @@ variable."""
 
 from __future__ import annotations
 
+import inspect
 import json
 import shutil
 from pathlib import Path
@@ -457,10 +458,10 @@ def test_what_is_left_open_is_listed(desat):
 def test_every_check_of_an_analysis_is_in_a_list():
     """A module of analyses/ with `problems` or `warnings` that no list names would say
     nothing."""
-    from desat.runs import prepare as preparing
+    from desat.runs.checks import CHECKS
     from desat.system import discovery
 
-    listed = {*preparing.SYSTEMS, *preparing.WARNINGS}
+    listed = {inspect.unwrap(check.find) for check in CHECKS}
     modules = discovery.load("analyses")
     found = [
         getattr(m, kind)

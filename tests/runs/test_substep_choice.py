@@ -33,7 +33,7 @@ from desat.numbers.derived import pointing
 from desat.runs import prepare as preparing
 from desat.runs import run as running
 from desat.runs import substep_choice
-from desat.runs.cases import draft_to_draw
+from desat.runs.cases import Cases, draft_to_draw
 from desat.runs.run import Options, prepare, resume, simulate
 from desat.system.errors import DesatError
 from desat.system.model import AUTO
@@ -717,12 +717,13 @@ def test_cases_choose_once_and_state_an_error_that_holds(tmp_path, monkeypatch, 
     source, options = preparing.read("mine"), Options(stop=3000.0)
     values_of = partial(draw_of, draft_to_draw(source, options.blocks), 3)
     first = prepare(source, options)
-    choice = substep_choice.choose_for_cases(first, source, options, values_of)
-    again = substep_choice.choose_for_cases(first, source, options, values_of)
+    cases = Cases(source)
+    choice = substep_choice.choose_for_cases(first, cases, options, values_of)
+    again = substep_choice.choose_for_cases(first, cases, options, values_of)
     assert again is choice
     for number in (5, 9):
         values = values_of(number)
-        row = one(source, options, 3, number)
+        row = one(cases, options, 3, number)
         case = prepare(source, replace(options, values=values))
         run = simulate(case, choice=choice)
         numbers = {k: run.manifest.numbers[k].value for k in row.numbers}
@@ -740,7 +741,7 @@ def test_a_case_beyond_the_others_is_looked_at_again(tmp_path, monkeypatch):
     source, options = preparing.read("mine"), Options(stop=1000.0)
     values_of = partial(draw_of, draft_to_draw(source, options.blocks), 3)
     first = prepare(source, options)
-    choice = substep_choice.choose_for_cases(first, source, options, values_of)
+    choice = substep_choice.choose_for_cases(first, Cases(source), options, values_of)
     values = {**values_of(5), "spacecraft.omega_start_body": [0.05, -0.05, 0.05]}
     run = simulate(prepare(source, replace(options, values=values)), choice=choice)
     found = run.manifest.substep_choice

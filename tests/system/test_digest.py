@@ -17,6 +17,7 @@ import desat as api
 from desat.campaign import cluster, coordinator, plan, report, store
 from desat.engine import checkpoint
 from desat.files import identity, library
+from desat.files.build import build
 from desat.files.scenario import find, scenarios
 from desat.language.kinds import declared
 from desat.language.scenario import ScenarioTable
@@ -394,14 +395,13 @@ def test_stored_draws_are_of_wiring_and_blocks_too(monkeypatch):
     )
     assert stored.digest(slower) != before
     with monkeypatch.context() as patch:
-        layers = type(scenario).layers
 
-        def rewired(self: Any, *values: Any, **more: Any) -> Any:
-            result = layers(self, *values, **more)
-            result[0].connections.pop()
-            return result
+        def rewired(*values: Any) -> Any:
+            draft = build(*values)
+            draft.connections.pop()
+            return draft
 
-        patch.setattr(type(scenario), "layers", rewired)
+        patch.setattr(stored, "build", rewired)
         assert stored.digest(scenario) != before
     monkeypatch.setattr(library, "computes", lambda name, fmu: "other")
     assert stored.digest(scenario) != before
