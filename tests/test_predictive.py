@@ -48,13 +48,14 @@ def test_planned_path_is_the_least(seed: int, most: float, peak: float) -> None:
         wheel_axes=draw_vectors(4 * H, 1.0),
         offset=bias,
         stiffness=q,
+        peak=0.0,
+        peak_scale=1.0,
     )
-    first, _, path, _, converged = predictive.plan_path(
-        problem, predictive.NO_PLAN, 0.0, 1.0
-    )
+    first, _, path, _, converged = predictive.plan_path(problem, predictive.NO_PLAN)
     assert converged
     size = 0.85 * predictive.find_largest_momentum(problem, path)
-    u, costate, path, _, converged = predictive.plan_path(problem, first, peak, size)
+    problem = predictive.penalise_peaks(problem, peak, size)
+    u, costate, path, _, converged = predictive.plan_path(problem, first)
     assert converged
     dt = np.array(lengths)[:count]
     g = np.array(problem.effect).reshape(H, 3, 3)[:count]

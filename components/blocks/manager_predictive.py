@@ -20,9 +20,9 @@ from ..laws import disturbance_learning as learning
 from ..laws.blending import Split
 from ..laws.integrated import null_torque, null_vector
 from ..laws.momentum_management import reduced, without
-from ..maths import kalman
+from ..maths import kalman, matrix
 from ..maths.attitude import inverse, normalised, product, rotate, rotate_back
-from ..maths.vector import ZERO, add, cross, dot, mat_vec, norm, scale, sub
+from ..maths.vector import IDENTITY, ZERO, add, cross, dot, mat_vec, norm, scale, sub
 from ..physics import geomagnetic
 from ..physics.orbit import (
     elements_from_state,
@@ -967,19 +967,16 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         each (A m2).
         """
         p, e = self._to_coils, self.effectiveness
-        xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        price = predictive.ZERO_MATRIX
         for i in range(4):
             w = max(e[i] * e[i], LEAST_ENERGY)
-            a, b, c = p[3 * i], p[3 * i + 1], p[3 * i + 2]
-            xx, xy, xz = xx + w * a * a, xy + w * a * b, xz + w * a * c
-            yy, yz, zz = yy + w * b * b, yz + w * b * c, zz + w * c * c
-        least = LEAST_EIGENVALUE * (xx + yy + zz) / 3.0
+            row = (p[3 * i], p[3 * i + 1], p[3 * i + 2])
+            price = matrix.add_square(price, row, w)
+        least = LEAST_EIGENVALUE * (price[0] + price[4] + price[8]) / 3.0
         # R = L L', the commands are the columns of L'^-1
-        l11 = sqrt(xx + least)
-        l21, l31 = xy / l11, xz / l11
-        l22 = sqrt(yy + least - l21 * l21)
-        l32 = (yz - l31 * l21) / l22
-        l33 = sqrt(zz + least - l31 * l31 - l32 * l32)
+        l11, _, _, l21, l22, _, l31, l32, l33 = predictive.root(
+            matrix.add(price, matrix.scale(least, IDENTITY))
+        )
         first = (1.0 / l11, 0.0, 0.0)
         second = (-l21 / (l11 * l22), 1.0 / l22, 0.0)
         third = (
@@ -1193,15 +1190,15 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             wheel_axes,
             to_wheels(self._to_wheels, self.h_target_body),
             momentum,
+            0.0,
+            1.0,
         )
-        u, _, path, steps, _ = predictive.plan_path(
-            problem, predictive.NO_PLAN, 0.0, 1.0
-        )
+        u, _, path, steps, _ = predictive.plan_path(problem, predictive.NO_PLAN)
         largest = predictive.find_largest_momentum(problem, path)
         peak_scale = PEAK_SCALE * max(largest, self._peak(), 1e-9)
         peak = PEAK * momentum * peak_scale * peak_scale
         _, self._costate, _, more_steps, converged = predictive.plan_path(
-            problem, u, peak, peak_scale
+            predictive.penalise_peaks(problem, peak, peak_scale), u
         )
         self.plan_steps, self._failed = steps + more_steps, not converged
 
