@@ -387,7 +387,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         self._x = self._seen = learning.first_state(ZERO)
         self._p = (0.0,) * (learning.STATES * learning.STATES)
         self._deviations = (0.0,) * learning.STATES
-        self._evidence = (0.0,) * learning.EVIDENCE
+        self._evidence = learning.NO_EVIDENCE
         self._surprises = self.filter_restarts = 0
         self._suspected: Vec4 = (0.0, 0.0, 0.0, 0.0)
         self._known = -1.0
@@ -742,7 +742,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         """Let the filter begin, with all of its doubts, at the momentum h (N m s, eci)."""
         self._x = learning.first_state(h)
         self._p = learning.first_covariance(self._deviations)
-        self._evidence = (0.0,) * learning.EVIDENCE
+        self._evidence = learning.NO_EVIDENCE
         self._surprises = 0
 
     def _restart(self, h: Vec3, noise: float) -> None:
@@ -779,7 +779,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             along = min(max(dot(found, axes[j]), -most), most)
             unexplained = sub(unexplained, scale(along, axes[j]))
         self._evidence = learning.gather(
-            self._evidence,
+            learning.Evidence(*self._evidence),
             self._p,
             unexplained,
             causes,
