@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import copysign, inf, pi, sqrt
+from math import copysign, pi, sqrt
 
 from ..bases.dumping import DUMPING, FALLBACK, IDLE, MomentumDumping
 from ..bases.earth_field import EarthField
@@ -11,6 +11,7 @@ from ..contract.fitting import Law, Need
 from ..laws import (
     attitude_error,
     cross_product,
+    null_space,
     predictive,
     receding_horizon,
     slew,
@@ -18,7 +19,7 @@ from ..laws import (
 )
 from ..laws import disturbance_learning as learning
 from ..laws.blending import Split
-from ..laws.integrated import null_torque, null_vector
+from ..laws.integrated import null_vector
 from ..laws.momentum_management import reduced, without
 from ..maths import kalman, matrix
 from ..maths.attitude import inverse, normalised, product, rotate, rotate_back
@@ -62,14 +63,6 @@ DIPOLE_SPREAD = 0.1  # prior deviation of the craft's own dipole, relative to m_
 UNMODELLED_TORQUE = 0.01
 VARIES = 0.1
 DRIFT = 0.1  # change of a parameter in an orbit, relative to its prior deviation
-# Limit of the momentum in the null space, relative to the largest momentum that a wheel
-# has otherwise.
-NULL_MOMENTUM = 2.0
-# Share of its capacity (1) below which a wheel counts as near standstill.
-STANDSTILL = 0.02
-# Share of its capacity (1) to which momentum in the null space may fill a wheel.
-MOST_FILL = 0.9
-BINS = 8  # parts of an orbit whose largest wheel momenta are stored
 # Difference of measured and model field beyond which the law falls back: relative, and
 # in addition in standard deviations of a measured component. Far from the Earth the
 # field is as small as its noise.
@@ -373,8 +366,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         self._field_scale = 1.0
         self._planned = -1.0
         self._costate = ZERO
-        self._bins = (0.0,) * BINS
-        self._bin = self._first_bin = -1
+        self._peaks = null_space.NO_PEAKS
         self._failed = False
         self.effectiveness = (1.0, 1.0, 1.0, 1.0)
         self.thruster_effectiveness = (1.0, 1.0, 1.0)
@@ -459,35 +451,23 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         """Add the torques that reduce the wheels' null-space momentum to its limit."""
         if not self.enable:
             return
-        n = norm(self.v_eci) / norm(self.r_eci)
-        p, q, r, s = self._null
-        a, b, c, d = self.h_wheel
-        size2 = p * p + q * q + r * r + s * s
-        along = (p * a + q * b + r * c + s * d) / max(size2, 1.0)
-        level = min(
-            max(along, -NULL_MOMENTUM * self._peak()), NULL_MOMENTUM * self._peak()
+        rate = self.null_gain
+        if rate <= 0.0:
+            rate = norm(self.v_eci) / norm(self.r_eci)
+        a, b, c, d = null_space.drive_to_level(
+            self.h_wheel,
+            self._null,
+            rate,
+            self._peak(),
+            self.h_limit,
+            self.standstill_weight,
         )
-        if self.standstill_weight > 0.0:
-            peak = self._peak()
-            size = self.standstill_weight * (peak + STANDSTILL * self.h_limit)
-            if self.h_limit > 0.0:
-                size = min(size, max(MOST_FILL * self.h_limit - peak, 0.0))
-            level = copysign(size, along)
-        above = (a - level * p, b - level * q, c - level * r, d - level * s)
-        rate = self.null_gain if self.null_gain > 0.0 else n
-        a, b, c, d = null_torque(above, self._null, rate, inf)
         e, f, g, i = self.tau_cmd_wheel
         self.tau_cmd_wheel = (a + e, b + f, c + g, d + i)
 
     def _peak(self) -> float:
-        """Return the largest momentum (N m s) of a wheel over the last orbit.
-
-        Momentum in the null space does not count.
-        """
-        peak = 0.0
-        for x in self._bins:
-            peak = max(peak, x)
-        return peak
+        """Return the largest momentum (N m s) of a wheel over the last orbit."""
+        return null_space.find_peak(null_space.Peaks(*self._peaks))
 
     def _momentum_share(self) -> float:
         """Return the share (1) of the rate n at which momentum is removed.
@@ -496,7 +476,8 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         In the first orbit, whose peak is not known, it is 1.
         """
         empty = EMPTY_FILL * self.h_limit
-        if empty <= 0.0 or self._bin < self._first_bin + BINS:
+        _, newest, first = self._peaks
+        if empty <= 0.0 or newest < first + null_space.BINS:
             return 1.0
         return min(max(self._peak() / empty, LEAST_SHARE), 1.0)
 
@@ -527,7 +508,12 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         if self._sees_field:
             self._weigh(b, model)
         model = scale(self._field_scale, model)
-        self._remember(t, h)
+        _, orbit = self._motion()
+        wheels = to_wheels(self._to_wheels, add(h, self.h_target_body))
+        largest = max(map(abs, wheels))
+        self._peaks = null_space.store_peak(
+            null_space.Peaks(*self._peaks), t, orbit, largest
+        )
         # whether the attitude is fixed to lvlh, or else to eci, but for a slew
         resting = sub(rate, slew.rate_at(self._slew(), t))
         turning = assumed or norm(sub(resting, orbital)) < norm(resting)
@@ -674,19 +660,6 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         self._models = memory * self._models + one + dot(model, model)
         self._fields = memory * self._fields + one + dot(b, model)
         self._field_scale = self._fields / self._models
-
-    def _remember(self, t: float, h: Vec3) -> None:
-        """Store the largest wheel momentum of each part of the last orbit."""
-        _, orbit = self._motion()
-        now = int(t * float(BINS) / orbit)
-        a, b, c, d = to_wheels(self._to_wheels, add(h, self.h_target_body))
-        largest = max(abs(a), abs(b), abs(c), abs(d))
-        if self._first_bin < 0:
-            self._first_bin = now
-        while self._bin < now:
-            self._bin = now if self._bin < now - BINS else self._bin + 1
-            self._bins = (0.0, *self._bins[:-1])
-        self._bins = (max(self._bins[0], largest), *self._bins[1:])
 
     def _effective_dipole(self, coils: Vec4) -> Vec3:
         """Compute the dipole (A m2, body) that the coils give for these commands."""
