@@ -9,8 +9,8 @@ from ..bases.known_slew import KnownSlew
 from ..contract.block import Mat33, Mat34, Output, Parameter, Table, Vec3, Vec4
 from ..contract.fitting import Law, Need
 from ..laws import (
-    attitude_error,
     cross_product,
+    field_check,
     null_space,
     predictive,
     receding_horizon,
@@ -24,7 +24,6 @@ from ..laws.momentum_management import reduced, without
 from ..maths import kalman, matrix
 from ..maths.attitude import inverse, normalised, product, rotate, rotate_back
 from ..maths.vector import IDENTITY, ZERO, add, cross, dot, mat_vec, norm, scale, sub
-from ..physics import geomagnetic
 from ..physics.orbit import (
     elements_from_state,
     ellipse_state,
@@ -63,20 +62,6 @@ DIPOLE_SPREAD = 0.1  # prior deviation of the craft's own dipole, relative to m_
 UNMODELLED_TORQUE = 0.01
 VARIES = 0.1
 DRIFT = 0.1  # change of a parameter in an orbit, relative to its prior deviation
-# Difference of measured and model field beyond which the law falls back: relative, and
-# in addition in standard deviations of a measured component. Far from the Earth the
-# field is as small as its noise.
-FIELD_MISMATCH = 0.3
-FIELD_DEVIATIONS = 5.0
-# Relative error of the measured field's size beyond which it is not the Earth's, as where
-# a strong coil is near the magnetometer.
-WRONG_SIZE = 0.5
-# Goal empty: weight of `field_noise` in measurements against the noise that is seen, and
-# least number of measurements from which an error of the attitude is corrected.
-NOISE_WEIGHT = 0.3
-SPREAD_ANGLE = 0.1  # rad, prior deviation of the attitude's error about each axis
-LEAST_FIELD_NOISE = 1e-10  # T, with which an attitude error is learnt
-FEWEST_MEASUREMENTS = 2.0
 AXES: tuple[Vec3, Vec3, Vec3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 AT_1, AT_2 = 0.21132486540518713, 0.7886751345948129  # Gauss points
 
@@ -360,7 +345,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         self._limit_bound = ZERO
         self._q: Vec4 = (0.0, 0.0, 0.0, 1.0)
         self._r = self._v = ZERO
-        self._start_correction()
+        self._check = field_check.begin(self.field_spread, self.field_noise)
         self.start_known_slew()
         self._fields = self._models = 0.0
         self._field_scale = 1.0
@@ -384,16 +369,6 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         self._suspected: Vec4 = (0.0, 0.0, 0.0, 0.0)
         self._known = -1.0
         self._sees_field = self.field_rejected = False
-
-    def _start_correction(self) -> None:
-        """Begin with an attitude that counts as right."""
-        self._error: Table = (0.0,) * attitude_error.STATES
-        self._error_p = attitude_error.first_covariance(SPREAD_ANGLE, self.field_spread)
-        self._correction: Vec4 = (0.0, 0.0, 0.0, 1.0)
-        self._is_misaligned = False
-        noise = max(self.field_noise, LEAST_FIELD_NOISE)
-        self._field_variance = noise * noise
-        self._measurements = 0.0
 
     def _slew(self) -> slew.Slew:
         """Return the slew that is foreseen."""
@@ -503,10 +478,9 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             t, q, add(add(h, self.h_target_body), mat_vec(self._inertia, rate)), model
         )
         b = self._seen_field(q, model)
-        mismatch = FIELD_MISMATCH * norm(model) + FIELD_DEVIATIONS * self.field_noise
-        strange = norm(sub(b, model)) > mismatch
+        is_strange = field_check.is_strange(b, model, self.field_noise)
         if self._sees_field:
-            self._weigh(b, model)
+            self._scale_field(b, model)
         model = scale(self._field_scale, model)
         _, orbit = self._motion()
         wheels = to_wheels(self._to_wheels, add(h, self.h_target_body))
@@ -525,7 +499,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             q, gravity_gradient(rotate(q, self.r_eci), self._inertia)
         )
         mean = rotate(q, add(b, sub(self._field_amid_sample(t), model)))
-        if self._failed or strange:
+        if self._failed or is_strange:
             fallback = cross_product.normalised(h, mean, norm(turn))
             m = self._chosen_dipole(FALLBACK, fallback)
         else:
@@ -548,14 +522,12 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
 
     def _judge_field(self, model: Vec3) -> None:
         """Reject a measured field whose size is not the Earth's. model: its field (T)."""
-        size = self._field_scale * norm(model)
-        most = WRONG_SIZE * size + FIELD_DEVIATIONS * self.field_noise
-        self.field_rejected = (
-            self.valid_b
-            and abs(norm(self.b_body) - size) > most
-            and geomagnetic.is_plausible(
-                size, norm(self.dipole_earth), norm(self.r_eci)
-            )
+        self.field_rejected = self.valid_b and field_check.is_rejected(
+            self.b_body,
+            self._field_scale * norm(model),
+            self.field_noise,
+            self.dipole_earth,
+            self.r_eci,
         )
         self._sees_field = self.valid_b and not self.field_rejected
 
@@ -577,39 +549,21 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         """
         if self.goal != EMPTY or self.field_spread <= 0.0:
             return q
+        before = field_check.AttitudeCheck(*self._check)
+        check = before
         if self._sees_field:
-            size = max(norm(self.b_body), 1e-12)
-            # directions, so that a model whose field is too large has no effect
-            self._error, self._error_p, ratio = attitude_error.update(
-                self._error,
-                self._error_p,
-                scale(1.0 / size, self.b_body),
-                rotate(
-                    attitude_error.rotation(self._error),
-                    scale(1.0 / max(norm(model), 1e-12), rotate(q, model)),
-                ),
-                self._field_variance / (size * size),
-                attitude_error.ANGLES,
-            )
-            # the first measurement shows the error, the next ones the noise
-            if self._measurements >= 1.0:
-                share = 1.0 / (self._measurements + NOISE_WEIGHT)
-                self._field_variance *= 1.0 + share * (ratio - 1.0)
-            self._measurements += 1.0
-        self._is_misaligned = self._is_misaligned or (
-            self._measurements >= FEWEST_MEASUREMENTS
-            and attitude_error.is_significant(self._error, self._error_p)
-        )
-        if not self._is_misaligned:
+            check = field_check.learn_error(before, self.b_body, model, q)
+        self._check = check
+        if not check.is_misaligned:
             return q
-        correction = attitude_error.rotation(self._error)
-        before = self._q
-        self._q = product(product(correction, inverse(self._correction)), before)
-        self._b_eci = rotate_back(self._q, rotate(before, self._b_eci))
-        self._gravity = rotate_back(self._q, rotate(before, self._gravity))
-        h = rotate_back(self._q, rotate(before, learning.vector(self._x, 0)))
+        correction = field_check.correction_of(check)
+        turn = product(correction, inverse(field_check.correction_of(before)))
+        last = self._q
+        self._q = product(turn, last)
+        self._b_eci = rotate_back(self._q, rotate(last, self._b_eci))
+        self._gravity = rotate_back(self._q, rotate(last, self._gravity))
+        h = rotate_back(self._q, rotate(last, learning.vector(self._x, 0)))
         self._x = (*h, *self._x[3:])
-        self._correction = correction
         return product(correction, q)
 
     def _period(self) -> float:
@@ -648,17 +602,13 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         r, v = self._coasted(0.5 * self.sample_time)
         return scale(self._field_scale, self._field(r, v, t + 0.5 * self.sample_time))
 
-    def _weigh(self, b: Vec3, model: Vec3) -> None:
-        """Update the scale of the model's field by a measured field (T, eci).
-
-        The scale is that of the last orbit, with a prior of 1 that counts as one
-        measurement.
-        """
+    def _scale_field(self, b: Vec3, model: Vec3) -> None:
+        """Update the scale of the model's field by a measured field (T, eci)."""
         _, orbit = self._motion()
         memory = max(1.0 - self.sample_time / orbit, 0.0)
-        one = dot(model, model) if self._models == 0.0 else 0.0
-        self._models = memory * self._models + one + dot(model, model)
-        self._fields = memory * self._fields + one + dot(b, model)
+        self._fields, self._models = field_check.compare(
+            self._fields, self._models, b, model, memory
+        )
         self._field_scale = self._fields / self._models
 
     def _effective_dipole(self, coils: Vec4) -> Vec3:
