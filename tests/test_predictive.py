@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from desat.components.blocks.manager_predictive import ManagerPredictive
 from desat.components.contract.block import BlockError
 from desat.components.laws import disturbance_learning as learning
-from desat.components.laws import predictive, slew, thrust_limit
+from desat.components.laws import momentum_observer, predictive, slew, thrust_limit
 from desat.components.maths.attitude import inverse, product, propagated
 from desat.components.physics import atmosphere, orbit, torques
 from desat.runs.run import Options, execute
@@ -677,11 +677,12 @@ def test_a_lost_filter_starts_anew_and_says_so() -> None:
     for k in range(4):
         block.b_body = block.field_eci(block.r_eci, 10.0 * k, igrf=False)
         if k == 2:
-            block._p = (-1.0,) * len(block._p)
+            known = momentum_observer.Filter(*block._filter)
+            block._filter = known._replace(p=(-1.0,) * len(known.p))
         block.compute(10.0 * k, 10.0)
         counts.append(block.filter_restarts)
     assert counts == [0, 0, 1, 1]
-    variances = np.diag(np.reshape(block._p, (learning.STATES, -1)))
+    variances = np.diag(np.reshape(block._filter.p, (learning.STATES, -1)))
     assert (variances > 0.0).all()
 
 

@@ -1,9 +1,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import copysign, pi, sqrt
+from math import copysign
 
-from ..bases.dumping import DUMPING, FALLBACK, IDLE, MomentumDumping
+from ..bases.dumping import DUMPING, FALLBACK, IDLE, NO_MOMENTUM, MomentumDumping
 from ..bases.earth_field import EarthField
 from ..bases.known_slew import KnownSlew
 from ..contract.block import Mat33, Mat34, Output, Parameter, Table, Vec3, Vec4
@@ -11,6 +11,7 @@ from ..contract.fitting import Law, Need
 from ..laws import (
     cross_product,
     field_check,
+    momentum_observer,
     null_space,
     predictive,
     receding_horizon,
@@ -21,18 +22,19 @@ from ..laws import disturbance_learning as learning
 from ..laws.blending import Split
 from ..laws.integrated import null_vector
 from ..laws.momentum_management import reduced, without
-from ..maths import kalman, matrix
+from ..maths import matrix
 from ..maths.attitude import inverse, normalised, product, rotate, rotate_back
 from ..maths.vector import IDENTITY, ZERO, add, cross, dot, mat_vec, norm, scale, sub
 from ..physics.orbit import (
     elements_from_state,
     ellipse_state,
+    latitude_of,
     lvlh_attitude,
     mean_motion,
-    orbit_plane,
+    orbit_motion,
     perifocal_axes,
 )
-from ..physics.torques import gravity_gradient
+from ..physics.torques import gravity_gradient_eci
 from ..physics.wheel_array import body_momentum, pseudo_inverse, to_wheels
 
 HOLD, EMPTY = range(2)
@@ -52,16 +54,7 @@ LEAST_EIGENVALUE = 1e-3  # of the coils' price, relative to its mean
 LEAST_ENERGY = 0.05  # relative price of a dipole of a coil that gives none
 COIL_PRICE = 2e-3  # goal empty: price of a full dipole or a second, squared and halved
 PATIENCE = 1e-3  # goal empty: relative discount of a last second against a first
-# Error of the thrusters' directions (rad), by attitude and mounting.
-MISALIGNMENT = 0.1
 NO_FIRING: Table = (0.0,) * (predictive.THRUSTERS * predictive.INTERVALS)
-TORQUE_SPREAD = 0.5  # prior deviation of constant torques, relative to n^2 J
-DIPOLE_SPREAD = 0.1  # prior deviation of the craft's own dipole, relative to m_limit
-# Least torque that is not modelled, relative to n^2 J and to the torques that are known,
-# for a sixth of an orbit at a time.
-UNMODELLED_TORQUE = 0.01
-VARIES = 0.1
-DRIFT = 0.1  # change of a parameter in an orbit, relative to its prior deviation
 AXES: tuple[Vec3, Vec3, Vec3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 AT_1, AT_2 = 0.21132486540518713, 0.7886751345948129  # Gauss points
 
@@ -335,16 +328,15 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         self._inertia: Mat33 = tuple(self.inertia_scale * x for x in self.inertia)  # type: ignore[assignment]
         self._q_bo = normalised(self.q_bo)
         self.start_field(igrf=self.field_model == IGRF)
-        self._start_learning()
-        self._b_eci = self._gravity = self._dipole_planned = ZERO
-        self._coils: Vec4 = (0.0, 0.0, 0.0, 0.0)
-        self._thrust = ZERO
+        self._seen = learning.first_state(ZERO)
+        self._last_sample = momentum_observer.NO_SAMPLE
+        self._filter = momentum_observer.NO_FILTER
+        self._limits = momentum_observer.NO_FIRINGS
+        self._coils: Vec4 = NO_MOMENTUM
+        self._thrust = self._dipole_planned = ZERO
         self.thruster_limit = (1.0, 1.0, 1.0)
-        spread = learning.SPREAD_ACTUATOR
-        self._limit_deviation: Vec3 = (spread, spread, spread)
-        self._limit_bound = ZERO
-        self._q: Vec4 = (0.0, 0.0, 0.0, 1.0)
-        self._r = self._v = ZERO
+        self.filter_restarts = 0
+        self._sees_field = self.field_rejected = False
         self._check = field_check.begin(self.field_spread, self.field_noise)
         self.start_known_slew()
         self._fields = self._models = 0.0
@@ -358,17 +350,6 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         self.gravity_scale = 1.0
         self.torque_eci = ZERO
         self.plan_steps = 0
-
-    def _start_learning(self) -> None:
-        """Begin with nothing known; the first sample gives momentum and deviations."""
-        self._x = self._seen = learning.first_state(ZERO)
-        self._p = (0.0,) * (learning.STATES * learning.STATES)
-        self._deviations = (0.0,) * learning.STATES
-        self._evidence = learning.NO_EVIDENCE
-        self._surprises = self.filter_restarts = 0
-        self._suspected: Vec4 = (0.0, 0.0, 0.0, 0.0)
-        self._known = -1.0
-        self._sees_field = self.field_rejected = False
 
     def _slew(self) -> slew.Slew:
         """Return the slew that is foreseen."""
@@ -462,8 +443,8 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         if not (self.valid_q or assumed) or (
             self.goal == EMPTY and t >= self.end - 1e-6
         ):
-            self.mode, self._coils, self._thrust = IDLE, (0.0, 0.0, 0.0, 0.0), ZERO
-            self._known = -1.0
+            self.mode, self._coils, self._thrust = IDLE, NO_MOMENTUM, ZERO
+            self._last_sample = momentum_observer.NO_SAMPLE
             return nothing
         lvlh = lvlh_attitude(self.r_eci, self.v_eci)
         q = product(self._q_bo, lvlh) if assumed else self.q_bi
@@ -474,15 +455,14 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         turn = scale(1.0 / size2, cross(self.r_eci, self.v_eci))
         orbital = rotate(q, turn)
         rate = orbital if assumed else self.rate()
-        self._observe(
-            t, q, add(add(h, self.h_target_body), mat_vec(self._inertia, rate)), model
-        )
         b = self._seen_field(q, model)
+        total = add(add(h, self.h_target_body), mat_vec(self._inertia, rate))
+        self._observe(t, q, b, total)
         is_strange = field_check.is_strange(b, model, self.field_noise)
         if self._sees_field:
             self._scale_field(b, model)
         model = scale(self._field_scale, model)
-        _, orbit = self._motion()
+        _, orbit = orbit_motion(self.r_eci, self.v_eci)
         wheels = to_wheels(self._to_wheels, add(h, self.h_target_body))
         largest = max(map(abs, wheels))
         self._peaks = null_space.store_peak(
@@ -494,10 +474,6 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         if self._planned < 0.0 or t - self._planned >= self._period() - 1e-6:
             self._plan(t, q, lvlh, turning, rotate_back(q, h), sub(b, model))
             self._planned = t
-        self._b_eci, self._q, self._r, self._v = b, q, self.r_eci, self.v_eci
-        self._gravity = rotate_back(
-            q, gravity_gradient(rotate(q, self.r_eci), self._inertia)
-        )
         mean = rotate(q, add(b, sub(self._field_amid_sample(t), model)))
         if self._failed or is_strange:
             fallback = cross_product.normalised(h, mean, norm(turn))
@@ -557,13 +533,11 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         if not check.is_misaligned:
             return q
         correction = field_check.correction_of(check)
-        turn = product(correction, inverse(field_check.correction_of(before)))
-        last = self._q
-        self._q = product(turn, last)
-        self._b_eci = rotate_back(self._q, rotate(last, self._b_eci))
-        self._gravity = rotate_back(self._q, rotate(last, self._gravity))
-        h = rotate_back(self._q, rotate(last, learning.vector(self._x, 0)))
-        self._x = (*h, *self._x[3:])
+        self._last_sample, self._filter = momentum_observer.turn_back(
+            momentum_observer.Sample(*self._last_sample),
+            momentum_observer.Filter(*self._filter),
+            product(correction, inverse(field_check.correction_of(before))),
+        )
         return product(correction, q)
 
     def _period(self) -> float:
@@ -573,11 +547,6 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         return self.sample_time * float(
             int(max(PLAN_TIME / self.sample_time, 1.0) + 0.999999)
         )
-
-    def _motion(self) -> tuple[float, float]:
-        """Return the orbit's rate (rad/s) and period (s)."""
-        n = mean_motion(elements_from_state(self.r_eci, self.v_eci).semi_major_axis)
-        return n, 2.0 * pi / n
 
     def _coasted(self, ahead: float) -> tuple[Vec3, Vec3]:
         """Predict r (m) and v (m/s), eci, `ahead` (s) of now."""
@@ -604,7 +573,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
 
     def _scale_field(self, b: Vec3, model: Vec3) -> None:
         """Update the scale of the model's field by a measured field (T, eci)."""
-        _, orbit = self._motion()
+        _, orbit = orbit_motion(self.r_eci, self.v_eci)
         memory = max(1.0 - self.sample_time / orbit, 0.0)
         self._fields, self._models = field_check.compare(
             self._fields, self._models, b, model, memory
@@ -617,271 +586,60 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         e, f, g, i = self.effectiveness
         return body_momentum(self._live, (e * a, f * b, g * c, i * d))
 
-    def _observe(self, t: float, q: Vec4, total: Vec3, model: Vec3) -> None:
+    def _craft(self) -> momentum_observer.Craft:
+        """Return what is known of the craft and its sensors."""
+        return momentum_observer.Craft(
+            self._inertia,
+            self._live,
+            self.m_limit,
+            self.tau_level,
+            self.least_pulse,
+            self.sample_time,
+            self.h_noise,
+            self.rate_noise,
+            self.attitude_noise,
+            learning.EMPTYING if self.goal == EMPTY else learning.HOLDING,
+        )
+
+    def _observe(self, t: float, q: Vec4, b: Vec3, total: Vec3) -> None:
         """Learn from the change of the craft's momentum since the last sample.
 
-        total (N m s, body): momentum of the craft; model: its field (T, eci).
+        b (T, eci): field; total (N m s, body): momentum of the craft.
         """
-        h = rotate_back(q, total)
-        n, _ = self._motion()
-        largest = max(
-            abs(self._inertia[0]), abs(self._inertia[4]), abs(self._inertia[8])
+        craft = self._craft()
+        interval = momentum_observer.Interval(
+            momentum_observer.Sample(*self._last_sample),
+            momentum_observer.take_sample(
+                t, q, self.r_eci, self.v_eci, b, self._inertia
+            ),
+            self._coils,
+            self._thrust,
         )
-        gravity_torque = n * n * largest
-        noise = max(
-            self._momentum_noise(largest, norm(total)),
-            1e-3 * gravity_torque * self.sample_time,
+        known, limits = momentum_observer.observe(
+            momentum_observer.Filter(*self._filter),
+            momentum_observer.ThrustLimits(*self._limits),
+            interval,
+            craft,
+            total,
+            self.valid_b,
         )
-        if self._deviations[learning.GRAVITY] == 0.0:
-            self._deviations = learning.spreads(
-                TORQUE_SPREAD * gravity_torque,
-                learning.air_torque(largest, self.r_eci, self.v_eci),
-                DIPOLE_SPREAD * self.m_limit,
-                noise,
-            )
-            self._begin_learning(h)
-        passed = t - self._known
-        if self._known < 0.0 or passed > 10.0 * self.sample_time or not self.valid_b:
-            self._restart(h, noise)
-        else:
-            causes = self._causes(passed, q, self._seen_field(q, model))
-            tested = self._limit_thrust(passed, q, h, causes, noise)
-            self._learn(passed, h, causes, noise, gravity_torque, tested)
-        self._known = t
-        x = self._seen = learning.judge(
-            self._x, self._p, self._doubt(), self._suspected
-        )
+        self._last_sample, self._filter, self._limits = interval.end, known, limits
+        x = self._seen = learning.judge(known.x, known.p, craft.doubt, known.suspected)
+        self.thruster_limit = learning.vector(limits.share, 0)
+        self.filter_restarts = known.restarts
         self.gravity_scale = x[learning.GRAVITY]
         self.torque_eci = learning.vector(x, learning.INERTIAL)
         e = learning.COILS
         self.effectiveness = (x[e], x[e + 1], x[e + 2], x[e + 3])
         self.thruster_effectiveness = learning.vector(x, learning.THRUSTERS)
 
-    def _doubt(self) -> learning.Doubt:
-        """Return how readily a coil is taken for failed."""
-        return learning.EMPTYING if self.goal == EMPTY else learning.HOLDING
-
-    def _begin_learning(self, h: Vec3) -> None:
-        """Let the filter begin, with all of its doubts, at the momentum h (N m s, eci)."""
-        self._x = learning.first_state(h)
-        self._p = learning.first_covariance(self._deviations)
-        self._evidence = learning.NO_EVIDENCE
-        self._surprises = 0
-
-    def _restart(self, h: Vec3, noise: float) -> None:
-        """Restart the filter's momentum at h (N m s, eci); keep the parameters."""
-        self._x = (*h, *self._x[3:])
-        self._p = learning.forgotten(self._p, noise)
-
-    def _learn(
-        self,
-        passed: float,
-        h: Vec3,
-        causes: Table,
-        noise: float,
-        gravity_torque: float,
-        tested: Vec3,
-    ) -> None:
-        """Update the filter by the momentum h (N m s, eci), measured with `noise`.
-
-        passed (s): time since the last sample; gravity_torque: n^2 J (N m); tested: of
-        `_limit_thrust`.
-        """
-        _, orbit = self._motion()
-        found = learning.innovation(self._x, h, causes)
-        # a coil is not lost where the thrusters' rounding explains what is found
-        axes = (
-            rotate_back(self._q, AXES[0]),
-            rotate_back(self._q, AXES[1]),
-            rotate_back(self._q, AXES[2]),
-        )
-        rounding = self._rounding()
-        unexplained = found
-        for j in range(3):
-            most = rounding[j] + tested[j]
-            along = min(max(dot(found, axes[j]), -most), most)
-            unexplained = sub(unexplained, scale(along, axes[j]))
-        self._evidence = learning.gather(
-            learning.Evidence(*self._evidence),
-            self._p,
-            unexplained,
-            causes,
-            passed,
-            orbit,
-            self._doubt(),
-        )
-        failed = learning.find_failure(
-            self._evidence, self._x, self._deviations[learning.DIPOLE]
-        )
-        if failed >= 0:
-            self._evidence = learning.explain(self._evidence, failed)
-            self._suspected = learning.suspect(self._suspected, failed)
-        unmodelled = max(
-            UNMODELLED_TORQUE * gravity_torque,
-            VARIES * learning.known_torque(self._x),
-            learning.unmodelled_torque(self._evidence),
-        )
-        # commands, and so their roundings, last as long as innovations are averaged
-        lasting = sqrt(2.0 / 3.0 * learning.SMOOTHED * orbit / passed)
-        self._x, self._p, surprise = learning.update(
-            self._x,
-            self._p,
-            h,
-            causes,
-            noise,
-            unmodelled * sqrt(orbit * passed / 3.0),
-            (
-                scale(lasting * rounding[0] + tested[0], axes[0]),
-                scale(lasting * rounding[1] + tested[1], axes[1]),
-                scale(lasting * rounding[2] + tested[2], axes[2]),
-            ),
-            self._deviations,
-            DRIFT * sqrt(passed / orbit),
-            failed,
-        )
-        self._surprises = kalman.count_surprises(self._surprises, surprise)
-        if self._surprises >= kalman.SURPRISES:
-            self.filter_restarts += 1
-            self._begin_learning(h)
-
-    def _rounding(self) -> Vec3:
-        """Return the largest errors of the last firing by its rounding (N m s, body).
-
-        Thrusters round on-times to whole pulses, as the law does. Where they are weaker
-        than known, their on-times are longer and the roundings differ.
-        """
-        error = [0.0, 0.0, 0.0]
-        for j in range(3):
-            if self._thrust[j] != 0.0:
-                error[j] = 0.5 * self.least_pulse * self.tau_level[j]
-        return (error[0], error[1], error[2])
-
-    def _reached(self) -> Vec3:
-        """Return the commanded thrust within what the thrusters reach (N m, body)."""
-        thrust = [0.0, 0.0, 0.0]
-        for j in range(3):
-            most = self.thruster_limit[j] * self.tau_level[j]
-            thrust[j] = min(max(self._thrust[j], -most), most)
-        return (thrust[0], thrust[1], thrust[2])
-
     def _effective_thrust(self) -> Vec3:
         """Compute the torque (N m, body) that the thrusters give for the command."""
         x, y, z = self.thruster_effectiveness
-        n_x, n_y, n_z = self._reached()
+        n_x, n_y, n_z = momentum_observer.reach(
+            self._thrust, momentum_observer.ThrustLimits(*self._limits), self._craft()
+        )
         return (x * n_x, y * n_y, z * n_z)
-
-    def _limit_thrust(
-        self, passed: float, q: Vec4, h: Vec3, causes: Table, noise: float
-    ) -> Vec3:
-        """Learn the largest torque about each axis from the firings of the last sample.
-
-        Returns the impulses (N m s, body) that may be missing where a firing tested it,
-        so that the sample teaches nothing else about this axis. Arguments as of
-        `_learn`; q is the attitude now.
-        """
-        found = rotate(q, learning.innovation(self._x, h, causes))
-        expected, fired = self._reached(), self._thrust
-        limits, deviations, bounds = [0.0] * 3, [0.0] * 3, [0.0] * 3
-        missing = [0.0] * 3
-        for j in range(3):
-            limits[j], deviations[j] = self.thruster_limit[j], self._limit_deviation[j]
-            bounds[j] = self._limit_bound[j]
-            if fired[j] == 0.0:
-                continue
-            i, level = learning.THRUSTERS + j, self.tau_level[j]
-            axis = rotate_back(q, AXES[j])
-            spread = learning.deviation_along(self._p, causes, axis, i, noise) / passed
-            across = MISALIGNMENT * (norm(fired) - abs(fired[j]))
-            error = sqrt(spread * spread + across * across) / level
-            command = abs(fired[j]) / level
-            torque = self._x[i] * expected[j] + found[j] / passed
-            share = copysign(1.0, fired[j]) * torque / level
-            tested = thrust_limit.is_tested(
-                limits[j], deviations[j], bounds[j], command, error
-            )
-            if tested and thrust_limit.is_cut(command, share, error):
-                limits[j], deviations[j] = thrust_limit.correct(
-                    limits[j], deviations[j], share, error
-                )
-            if tested:
-                missing[j] = passed * abs(fired[j])
-            bounds[j] = thrust_limit.raise_bound(bounds[j], command, share, error)
-        self.thruster_limit = (limits[0], limits[1], limits[2])
-        self._limit_deviation = (deviations[0], deviations[1], deviations[2])
-        self._limit_bound = (bounds[0], bounds[1], bounds[2])
-        return (missing[0], missing[1], missing[2])
-
-    def _momentum_noise(self, inertia: float, total: float) -> float:
-        """Return the standard deviation of the measured momentum H (N m s).
-
-        inertia: the largest (kg m2); total: |H| (N m s).
-        """
-        from_rate, from_attitude = (
-            inertia * self.rate_noise,
-            total * self.attitude_noise,
-        )
-        return sqrt(
-            self.h_noise * self.h_noise
-            + from_rate * from_rate
-            + from_attitude * from_attitude
-        )
-
-    def _causes(self, passed: float, q: Vec4, b: Vec3) -> Table:
-        """Return the effect of a unit of each learnt parameter on H, `learning.causes`.
-
-        Over the time `passed` (s) since the last sample, by the mean of then and now;
-        q and b (T, eci) are those of now.
-        """
-        half = 0.5 * passed
-        pull = rotate_back(q, gravity_gradient(rotate(q, self.r_eci), self._inertia))
-        then = lvlh_attitude(self._r, self._v)
-        now = lvlh_attitude(self.r_eci, self.v_eci)
-        (c0, s0), (c1, s1) = self._latitude(self._r), self._latitude(self.r_eci)
-        coil_axes = tuple(
-            (self._live[i], self._live[4 + i], self._live[8 + i]) for i in range(4)
-        )
-        return learning.causes(
-            (
-                scale(half, add(self._gravity, pull)),
-                *(scale(passed, axis) for axis in AXES),
-                *(
-                    scale(half, add(rotate_back(then, axis), rotate_back(now, axis)))
-                    for axis in AXES
-                ),
-                *(scale(half, self._moved(axis, q, b)) for axis in AXES),
-                *(
-                    scale(half * coil, self._moved(axis, q, b))
-                    for axis, coil in zip(coil_axes, self._coils, strict=True)
-                ),
-                *(
-                    scale(
-                        half * torque,
-                        add(rotate_back(self._q, axis), rotate_back(q, axis)),
-                    )
-                    for axis, torque in zip(AXES, self._reached(), strict=True)
-                ),
-                *(scale(half, _weighted(c0, then, c1, now, axis)) for axis in AXES),
-                *(scale(half, _weighted(s0, then, s1, now, axis)) for axis in AXES),
-            )
-        )
-
-    def _latitude(self, r: Vec3) -> tuple[float, float]:
-        """Return cosine and sine of the argument of latitude of r (m).
-
-        The orbit is the present one.
-        """
-        orbit = elements_from_state(self.r_eci, self.v_eci)
-        node, ahead, _ = orbit_plane(orbit.inclination, orbit.raan)
-        size = norm(r)
-        return dot(r, node) / size, dot(r, ahead) / size
-
-    def _moved(self, axis: Vec3, q: Vec4, b: Vec3) -> Vec3:
-        """Sum axis x B (T, eci) of the previous sample and of this one.
-
-        q and b (T, eci) are those of this sample; axis: body.
-        """
-        then = cross(rotate_back(self._q, axis), self._b_eci)
-        return add(then, cross(rotate_back(q, axis), b))
 
     def _axes(self) -> tuple[tuple[Vec3, Vec3, Vec3], tuple[Vec3, Vec3, Vec3], Vec3]:
         """Return three commands (1, body) whose coils' energies add up.
@@ -953,7 +711,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
 
     def _grid(self, t: float) -> tuple[int, Table]:
         """Return the number of intervals of a plan at t (s), and their lengths (s)."""
-        _, orbit = self._motion()
+        _, orbit = orbit_motion(self.r_eci, self.v_eci)
         reach = self.horizon if self.horizon > 0.0 else ORBITS * orbit
         if self.goal == EMPTY:
             reach = self.end - t
@@ -996,7 +754,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         wheel_axes = [ZERO] * (predictive.WHEELS * predictive.PATH_INTERVALS)
         hold = self.goal == HOLD
         each = predictive.COILS if hold else predictive.ACTUATORS
-        n, _ = self._motion()
+        n, _ = orbit_motion(self.r_eci, self.v_eci)
         a, e, inclination, raan, perigee, anomaly = elements_from_state(
             self.r_eci, self.v_eci
         )
@@ -1190,12 +948,11 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         The first interval may take what the thrusters are seen to reach, a later one
         what is certain, so that a weaker thruster still has the time that it needs.
         """
+        shares, deviations, bounds = self._limits
         most = [0.0] * (predictive.THRUSTERS * predictive.INTERVALS)
         for j in range(predictive.THRUSTERS):
-            limit = self.thruster_limit[j] if self.tau_level[j] > 0.0 else 0.0
-            certain = thrust_limit.dependable(
-                limit, self._limit_deviation[j], self._limit_bound[j]
-            )
+            limit = shares[j] if self.tau_level[j] > 0.0 else 0.0
+            certain = thrust_limit.dependable(limit, deviations[j], bounds[j])
             for k in range(count):
                 share = certain if k > 0 else limit
                 most[predictive.THRUSTERS * k + j] = share * dt[k]
@@ -1217,9 +974,9 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         b (T, eci) is the field there.
         """
         x = self._seen
-        gravity = rotate_back(q, gravity_gradient(rotate(q, r), self._inertia))
+        gravity = gravity_gradient_eci(r, q, self._inertia)
         dipole_torque = cross(rotate_back(q, learning.vector(x, learning.DIPOLE)), b)
-        c, s = self._latitude(r)
+        c, s = latitude_of(elements_from_state(self.r_eci, self.v_eci), r)
         constant = learning.vector(x, learning.ORBITAL)
         cosine = learning.vector(x, learning.WAVES)
         sine = learning.vector(x, learning.WAVES + 3)
@@ -1235,8 +992,3 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         count = int(abs(on_time) / self.least_pulse + 0.5)
         on = copysign(float(count) * self.least_pulse, on_time)
         return self.tau_level[axis] * on / self.sample_time
-
-
-def _weighted(p: float, first: Vec4, r: float, second: Vec4, axis: Vec3) -> Vec3:
-    """Return p and r times an axis of two frames (eci), added."""
-    return add(scale(p, rotate_back(first, axis)), scale(r, rotate_back(second, axis)))
