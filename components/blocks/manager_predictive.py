@@ -11,6 +11,7 @@ from ..contract.fitting import Law, Need
 from ..laws import (
     cross_product,
     field_check,
+    forecast,
     momentum_observer,
     null_space,
     predictive,
@@ -26,15 +27,9 @@ from ..maths import matrix
 from ..maths.attitude import inverse, normalised, product, rotate, rotate_back
 from ..maths.vector import IDENTITY, ZERO, add, cross, dot, mat_vec, norm, scale, sub
 from ..physics.orbit import (
-    elements_from_state,
-    ellipse_state,
-    latitude_of,
     lvlh_attitude,
-    mean_motion,
     orbit_motion,
-    perifocal_axes,
 )
-from ..physics.torques import gravity_gradient_eci
 from ..physics.wheel_array import body_momentum, pseudo_inverse, to_wheels
 
 HOLD, EMPTY = range(2)
@@ -55,8 +50,6 @@ LEAST_ENERGY = 0.05  # relative price of a dipole of a coil that gives none
 COIL_PRICE = 2e-3  # goal empty: price of a full dipole or a second, squared and halved
 PATIENCE = 1e-3  # goal empty: relative discount of a last second against a first
 NO_FIRING: Table = (0.0,) * (predictive.THRUSTERS * predictive.INTERVALS)
-AXES: tuple[Vec3, Vec3, Vec3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-AT_1, AT_2 = 0.21132486540518713, 0.7886751345948129  # Gauss points
 
 
 class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
@@ -548,15 +541,6 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             int(max(PLAN_TIME / self.sample_time, 1.0) + 0.999999)
         )
 
-    def _coasted(self, ahead: float) -> tuple[Vec3, Vec3]:
-        """Predict r (m) and v (m/s), eci, `ahead` (s) of now."""
-        a, e, inclination, raan, perigee, anomaly = elements_from_state(
-            self.r_eci, self.v_eci
-        )
-        n = mean_motion(a)
-        p, q = perifocal_axes(inclination, raan, perigee)
-        return ellipse_state(a, e, anomaly + n * ahead, n, p, q)
-
     def _field(self, r: Vec3, v: Vec3, t: float) -> Vec3:
         """Compute the model's B (T, eci) at r (m) with v (m/s) at t (s)."""
         if self.field_model == NADIR:
@@ -568,7 +552,9 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
 
     def _field_amid_sample(self, t: float) -> Vec3:
         """Compute the scaled model's B (T, eci) half a sample after t (s)."""
-        r, v = self._coasted(0.5 * self.sample_time)
+        ((r, v),) = receding_horizon.coast(
+            self.r_eci, self.v_eci, (0.5 * self.sample_time,)
+        )
         return scale(self._field_scale, self._field(r, v, t + 0.5 * self.sample_time))
 
     def _scale_field(self, b: Vec3, model: Vec3) -> None:
@@ -700,175 +686,59 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
 
         x0: X (N m s, eci); off: the measured field minus that of the model (T, eci).
         """
-        count, dt = self._grid(t)
-        from_lvlh = product(q, inverse(lvlh))
-        # not unpacked, as that would put a second copy on the stack
-        ahead = self._forecast(t, q, from_lvlh, turning, off, count, dt)
-        if self.goal == EMPTY:
-            self._empty(count, x0, dt, ahead[0], ahead[1])
-        else:
-            self._hold(count, x0, dt, ahead[0], ahead[1], ahead[2], ahead[3])
 
-    def _grid(self, t: float) -> tuple[int, Table]:
-        """Return the number of intervals of a plan at t (s), and their lengths (s)."""
+        def field(r: Vec3, v: Vec3, at: float) -> Vec3:
+            """Compute the scaled model's B (T, eci)."""
+            return scale(self._field_scale, self._field(r, v, at))
+
         _, orbit = orbit_motion(self.r_eci, self.v_eci)
-        reach = self.horizon if self.horizon > 0.0 else ORBITS * orbit
-        if self.goal == EMPTY:
-            reach = self.end - t
-        dt = [0.0] * predictive.INTERVALS
-        period = self._period()
+        holds, period = self.goal == HOLD, self._period()
+        reach = self.end - t
+        if holds:
+            reach = self.horizon if self.horizon > 0.0 else ORBITS * orbit
         longest = max(LONGEST_INTERVAL * orbit, period)
-        most = predictive.PATH_INTERVALS if self.goal == HOLD else predictive.INTERVALS
-        count, begin, size = 0, 0.0, period
-        while count < most and begin < reach - 0.5 * period:
-            dt[count] = size
-            begin += size
-            count += 1
-            if self.goal == HOLD:
-                size = min(2.0 * size, longest)
-            else:
-                # whole samples, as few in each as the remaining intervals allow
-                samples = int((reach - begin) / period + 0.5)
-                slots = max(most - count, 1)
-                size = period * float(max((samples + slots - 1) // slots, 1))
-        return count, tuple(dt)
-
-    def _forecast(
-        self,
-        t: float,
-        q: Vec4,
-        from_lvlh: Vec4,
-        turning: bool,
-        off: Vec3,
-        count: int,
-        dt: Table,
-    ) -> tuple[predictive.Vectors, predictive.Vectors, predictive.Vectors, float]:
-        """Predict drift and effects of the actuators in each interval.
-
-        Returns the change of X in each interval (N m s, eci), that by a unit of each
-        actuator, the wheels' axes at its end (eci), and n^2 / b^2 (1/(T2 s2)).
-        `from_lvlh`: body from lvlh.
-        """
-        drift = [ZERO] * predictive.INTERVALS
-        effect = [ZERO] * (predictive.ACTUATORS * predictive.INTERVALS)
-        wheel_axes = [ZERO] * (predictive.WHEELS * predictive.PATH_INTERVALS)
-        hold = self.goal == HOLD
-        each = predictive.COILS if hold else predictive.ACTUATORS
-        n, _ = orbit_motion(self.r_eci, self.v_eci)
-        a, e, inclination, raan, perigee, anomaly = elements_from_state(
-            self.r_eci, self.v_eci
-        )
-        to_perigee, onward = perifocal_axes(inclination, raan, perigee)
+        count, dt = forecast.lay_grid(reach, period, longest, holds)
         _, dipoles, _ = self._axes()
-        turn = cross(self.r_eci, self.v_eci)
-        before = self._bias(t, q, turn, dot(self.r_eci, self.r_eci), turning)
-        strength, weighted, begin = 0.0, 0.0, 0.0
-        for k in range(count):
-            step = dt[k]
-            push = ZERO
-            for point in (AT_1, AT_2):
-                at = begin + point * step
-                r, v = ellipse_state(a, e, anomaly + n * at, n, to_perigee, onward)
-                frame = lvlh_attitude(r, v)
-                pointing = self._attitude_ahead(t, at, q, from_lvlh, frame, turning)
-                b = scale(self._field_scale, self._field(r, v, t + at))
-                if k == 0:
-                    b = add(b, off)
-                push = add(push, scale(0.5 * step, self._torque(pointing, frame, r, b)))
-                vectors = self._effects(0.5 * step, pointing, b, dipoles)
-                for j in range(each):
-                    i = each * k + j
-                    effect[i] = add(effect[i], vectors[j])
-                squares = 0.25 * step * self._field_across(pointing, b)
-                strength += squares
-                weighted += squares * (norm(cross(r, v)) / dot(r, r)) ** 2
-            begin += step
-            r, v = ellipse_state(a, e, anomaly + n * begin, n, to_perigee, onward)
-            frame = lvlh_attitude(r, v)
-            pointing = self._attitude_ahead(t, begin, q, from_lvlh, frame, turning)
-            after = self._bias(t + begin, pointing, cross(r, v), dot(r, r), turning)
-            push = sub(push, sub(after, before))
-            before = after
-            drift[k] = push
-            for j in range(predictive.WHEELS if hold else 0):
-                w = self._to_wheels
-                axis = rotate_back(pointing, (w[3 * j], w[3 * j + 1], w[3 * j + 2]))
-                wheel_axes[predictive.WHEELS * k + j] = axis
-        return (
-            tuple(drift),
-            tuple(effect),
-            tuple(wheel_axes),
-            weighted * begin / max(strength * strength, 1e-60),
-        )
-
-    def _field_across(self, q: Vec4, b: Vec3) -> float:
-        """Sum |a_j x B|^2 (T2) of the coils in the field b (T, eci)."""
-        total = 0.0
-        for j in range(4):
-            axis = (self._live[j], self._live[4 + j], self._live[8 + j])
-            f = cross(rotate_back(q, axis), b)
-            total += dot(f, f)
-        return total
-
-    def _attitude_ahead(
-        self,
-        t: float,
-        ahead: float,
-        q: Vec4,
-        from_lvlh: Vec4,
-        lvlh: Vec4,
-        turning: bool,
-    ) -> Vec4:
-        """Return the attitude (body from eci) `ahead` (s) of t (s), where it is q.
-
-        lvlh: orientation of lvlh from eci then; other arguments as of `_forecast`.
-        """
-        rest = product(from_lvlh, lvlh) if turning else q
-        return slew.attitude_at(self._slew(), rest, t, t + ahead)
-
-    def _effects(
-        self, weight: float, q: Vec4, b: Vec3, dipoles: tuple[Vec3, Vec3, Vec3]
-    ) -> tuple[Vec3, ...]:
-        """Return the effect of each actuator on X at a point of an interval (eci).
-
-        Of a unit of each coil command over `weight` (s), in N m s / (A m2), whose
-        dipoles (body) are given; then of half a second of each thruster axis (N m s).
-        """
-        p, r, s = dipoles
         x, y, z = self.tau_level
         e, f, g = self.thruster_effectiveness
-        return (
-            scale(weight, cross(rotate_back(q, p), b)),
-            scale(weight, cross(rotate_back(q, r), b)),
-            scale(weight, cross(rotate_back(q, s), b)),
-            scale(0.5 * x * e, rotate_back(q, AXES[0])),
-            scale(0.5 * y * f, rotate_back(q, AXES[1])),
-            scale(0.5 * z * g, rotate_back(q, AXES[2])),
+        ahead = forecast.predict(
+            forecast.Craft(
+                self._inertia,
+                self._live,
+                dipoles,
+                (x * e, y * f, z * g),
+                self._to_wheels,
+                self.h_target_body,
+                self._seen,
+            ),
+            forecast.Pointing(t, q, product(q, inverse(lvlh)), turning, self._slew()),
+            self.r_eci,
+            self.v_eci,
+            field,
+            off,
+            count,
+            dt,
+            predictive.COILS if holds else predictive.ACTUATORS,
         )
+        if holds:
+            self._hold(count, x0, dt, ahead)
+        else:
+            self._empty(count, x0, dt, ahead)
 
-    def _hold(
-        self,
-        count: int,
-        x0: Vec3,
-        dt: Table,
-        drift: predictive.Vectors,
-        effect: predictive.Vectors,
-        wheel_axes: predictive.Vectors,
-        stiffness: float,
-    ) -> None:
+    def _hold(self, count: int, x0: Vec3, dt: Table, ahead: forecast.Forecast) -> None:
         """Plan a course of low momentum from X = x0 (N m s, eci) on."""
         _, _, limits = self._axes()
         share = self._momentum_share()
-        momentum = self.weights[0] * share * share * stiffness
+        momentum = self.weights[0] * share * share * ahead.stiffness
         problem = predictive.PathProblem(
             count,
             x0,
             dt,
-            drift,
-            effect,
+            ahead.drift,
+            ahead.effect,
             self.weights[1],
             limits,
-            wheel_axes,
+            ahead.wheel_axes,
             to_wheels(self._to_wheels, self.h_target_body),
             momentum,
             0.0,
@@ -883,14 +753,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         )
         self.plan_steps, self._failed = steps + more_steps, not converged
 
-    def _empty(
-        self,
-        count: int,
-        x0: Vec3,
-        dt: Table,
-        drift: predictive.Vectors,
-        effect: predictive.Vectors,
-    ) -> None:
+    def _empty(self, count: int, x0: Vec3, dt: Table, ahead: forecast.Forecast) -> None:
         """Plan dipole and pulses of the first interval so that X = x0 becomes zero.
 
         x0 in N m s, eci.
@@ -900,7 +763,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         rest, reach, begin = x0, 0.0, 0.0
         for k in range(count):
             reach += dt[k]
-            rest = add(rest, drift[k])
+            rest = add(rest, ahead.drift[k])
         for k in range(count):
             fee[k] = self.weights[2] * (1.0 - PATIENCE * begin / reach)
             begin += dt[k]
@@ -911,7 +774,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         problem = predictive.UnloadingProblem(
             count,
             rest,
-            effect,
+            ahead.effect,
             COIL_PRICE,
             limits,
             tuple(fee),
@@ -924,11 +787,11 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             # the coils compensate the rounding of the pulses
             for j in range(3):
                 on = thrust[j] * self.sample_time / max(self.tau_level[j], 1e-9)
-                rest = add(rest, scale(on, effect[predictive.COILS + j]))
+                rest = add(rest, scale(on, ahead.effect[predictive.COILS + j]))
             problem = predictive.UnloadingProblem(
                 count,
                 rest,
-                effect,
+                ahead.effect,
                 COIL_PRICE,
                 limits,
                 tuple(fee),
@@ -957,35 +820,6 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
                 share = certain if k > 0 else limit
                 most[predictive.THRUSTERS * k + j] = share * dt[k]
         return tuple(most)
-
-    def _bias(self, t: float, q: Vec4, turn: Vec3, size2: float, turning: bool) -> Vec3:
-        """Return the momentum (N m s, eci) that is not to be dumped at t (s).
-
-        It is that of the body's rotation, and the target. turn (m2/s): r x v; size2
-        (m2): r^2.
-        """
-        rate = rotate(q, scale(1.0 / size2, turn)) if turning else ZERO
-        rate = add(rate, slew.rate_at(self._slew(), t))
-        return rotate_back(q, add(mat_vec(self._inertia, rate), self.h_target_body))
-
-    def _torque(self, q: Vec4, lvlh: Vec4, r: Vec3, b: Vec3) -> Vec3:
-        """Compute the known torque (N m, eci) on the craft at r (m).
-
-        b (T, eci) is the field there.
-        """
-        x = self._seen
-        gravity = gravity_gradient_eci(r, q, self._inertia)
-        dipole_torque = cross(rotate_back(q, learning.vector(x, learning.DIPOLE)), b)
-        c, s = latitude_of(elements_from_state(self.r_eci, self.v_eci), r)
-        constant = learning.vector(x, learning.ORBITAL)
-        cosine = learning.vector(x, learning.WAVES)
-        sine = learning.vector(x, learning.WAVES + 3)
-        in_lvlh = add(add(constant, scale(c, cosine)), scale(s, sine))
-        inertial = learning.vector(x, learning.INERTIAL)
-        return add(
-            add(scale(x[learning.GRAVITY], gravity), inertial),
-            add(rotate_back(lvlh, in_lvlh), dipole_torque),
-        )
 
     def _pulse(self, on_time: float, axis: int) -> float:
         """Round an on-time (s) to whole pulses: mean torque (N m) over a sample."""
