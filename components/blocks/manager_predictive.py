@@ -325,7 +325,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         self._last_sample = momentum_observer.NO_SAMPLE
         self._filter = momentum_observer.NO_FILTER
         self._limits = momentum_observer.NO_FIRINGS
-        self._coils: Vec4 = NO_MOMENTUM
+        self._coils = NO_MOMENTUM
         self._thrust = self._dipole_planned = ZERO
         self.thruster_limit = (1.0, 1.0, 1.0)
         self.filter_restarts = 0
@@ -452,10 +452,10 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         total = add(add(h, self.h_target_body), mat_vec(self._inertia, rate))
         self._observe(t, q, b, total)
         is_strange = field_check.is_strange(b, model, self.field_noise)
-        if self._sees_field:
-            self._scale_field(b, model)
-        model = scale(self._field_scale, model)
         _, orbit = orbit_motion(self.r_eci, self.v_eci)
+        if self._sees_field:
+            self._scale_field(b, model, orbit)
+        model = scale(self._field_scale, model)
         wheels = to_wheels(self._to_wheels, add(h, self.h_target_body))
         largest = max(map(abs, wheels))
         self._peaks = null_space.store_peak(
@@ -465,7 +465,9 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         resting = sub(rate, slew.rate_at(self._slew(), t))
         turning = assumed or norm(sub(resting, orbital)) < norm(resting)
         if self._planned < 0.0 or t - self._planned >= self._period() - 1e-6:
-            self._plan(t, q, lvlh, turning, rotate_back(q, h), sub(b, model))
+            from_lvlh = product(q, inverse(lvlh))
+            pointing = forecast.Pointing(t, q, from_lvlh, turning, self._slew())
+            self._plan(pointing, orbit, rotate_back(q, h), sub(b, model))
             self._planned = t
         mean = rotate(q, add(b, sub(self._field_amid_sample(t), model)))
         if self._failed or is_strange:
@@ -557,9 +559,11 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         )
         return scale(self._field_scale, self._field(r, v, t + 0.5 * self.sample_time))
 
-    def _scale_field(self, b: Vec3, model: Vec3) -> None:
-        """Update the scale of the model's field by a measured field (T, eci)."""
-        _, orbit = orbit_motion(self.r_eci, self.v_eci)
+    def _scale_field(self, b: Vec3, model: Vec3, orbit: float) -> None:
+        """Update the scale of the model's field by a measured field (T, eci).
+
+        orbit: the orbit's period (s).
+        """
         memory = max(1.0 - self.sample_time / orbit, 0.0)
         self._fields, self._models = field_check.compare(
             self._fields, self._models, b, model, memory
@@ -623,11 +627,11 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         """Compute the torque (N m, body) that the thrusters give for the command."""
         x, y, z = self.thruster_effectiveness
         n_x, n_y, n_z = momentum_observer.reach(
-            self._thrust, momentum_observer.ThrustLimits(*self._limits), self._craft()
+            self._thrust, self.thruster_limit, self.tau_level
         )
         return (x * n_x, y * n_y, z * n_z)
 
-    def _axes(self) -> tuple[tuple[Vec3, Vec3, Vec3], tuple[Vec3, Vec3, Vec3], Vec3]:
+    def _axes(self) -> tuple[predictive.Vectors, predictive.Vectors, Table]:
         """Return three commands (1, body) whose coils' energies add up.
 
         Also the dipole that a unit of each really gives (1, body), and the limit of
@@ -644,25 +648,22 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         l11, _, _, l21, l22, _, l31, l32, l33 = predictive.root(
             matrix.add(price, matrix.scale(least, IDENTITY))
         )
-        first = (1.0 / l11, 0.0, 0.0)
-        second = (-l21 / (l11 * l22), 1.0 / l22, 0.0)
-        third = (
-            (l21 * l32 - l31 * l22) / (l11 * l22 * l33),
-            -l32 / (l22 * l33),
-            1.0 / l33,
+        commands = (
+            (1.0 / l11, 0.0, 0.0),
+            (-l21 / (l11 * l22), 1.0 / l22, 0.0),
+            (
+                (l21 * l32 - l31 * l22) / (l11 * l22 * l33),
+                -l32 / (l22 * l33),
+                1.0 / l33,
+            ),
         )
-        dipoles = (
-            self._effective_dipole(to_wheels(p, first)),
-            self._effective_dipole(to_wheels(p, second)),
-            self._effective_dipole(to_wheels(p, third)),
-        )
-        most = (self._reach(first), self._reach(second), self._reach(third))
-        return (first, second, third), dipoles, most
+        coils = tuple(to_wheels(p, command) for command in commands)
+        dipoles = tuple(self._effective_dipole(c) for c in coils)
+        return commands, dipoles, tuple(self._reach(c) for c in coils)
 
-    def _reach(self, command: Vec3) -> float:
-        """Return the largest multiple of a command (A m2) within the coils' limits."""
-        a, b, c, d = to_wheels(self._to_coils, command)
-        largest = max(abs(a), abs(b), abs(c), abs(d))
+    def _reach(self, coils: Vec4) -> float:
+        """Return the multiple (A m2) of commands to coils (1) that is within limits."""
+        largest = max(map(abs, coils))
         return self.m_limit / largest if largest > 1e-9 else 0.0
 
     def _dipole(self, b: Vec3, costate: Vec3) -> Vec3:
@@ -680,9 +681,9 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         return m
 
     def _plan(
-        self, t: float, q: Vec4, lvlh: Vec4, turning: bool, x0: Vec3, off: Vec3
+        self, pointing: forecast.Pointing, orbit: float, x0: Vec3, off: Vec3
     ) -> None:
-        """Plan at t (s) with the attitude q, fixed to lvlh where `turning`.
+        """Plan with the attitude `pointing` on an orbit with the period `orbit` (s).
 
         x0: X (N m s, eci); off: the measured field minus that of the model (T, eci).
         """
@@ -691,9 +692,8 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             """Compute the scaled model's B (T, eci)."""
             return scale(self._field_scale, self._field(r, v, at))
 
-        _, orbit = orbit_motion(self.r_eci, self.v_eci)
         holds, period = self.goal == HOLD, self._period()
-        reach = self.end - t
+        reach = self.end - pointing.t
         if holds:
             reach = self.horizon if self.horizon > 0.0 else ORBITS * orbit
         longest = max(LONGEST_INTERVAL * orbit, period)
@@ -711,7 +711,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
                 self.h_target_body,
                 self._seen,
             ),
-            forecast.Pointing(t, q, product(q, inverse(lvlh)), turning, self._slew()),
+            pointing,
             self.r_eci,
             self.v_eci,
             field,
@@ -791,10 +791,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             problem = predictive.UnloadingProblem(
                 count,
                 rest,
-                ahead.effect,
-                COIL_PRICE,
-                limits,
-                tuple(fee),
+                *problem[2:6],
                 NO_FIRING,
                 weight,
             )

@@ -199,7 +199,7 @@ def update(
     effects: Table,
     noise: float,
     walk: float,
-    errors: tuple[Vec3, Vec3, Vec3],
+    errors: tuple[Vec3, ...],
     deviations: Table,
     drift: float,
     doubted: int,
@@ -230,12 +230,7 @@ def update(
     doubted : int
         Index in x of an effectiveness that has changed, of `find_failure`; -1: none.
     """
-    state = [0.0] * STATES
-    covariance = [0.0] * (STATES * STATES)
-    for i in range(STATES):
-        state[i] = x[i]
-    for i in range(STATES * STATES):
-        covariance[i] = p[i]
+    state, covariance = list(x), list(p)
     if doubted >= 0:
         spread = max(deviations[doubted], SPREAD_ACTUATOR)
         covariance[STATES * doubted + doubted] += spread * spread
@@ -277,13 +272,8 @@ def judge(x: Table, p: Table, doubt: Doubt, suspected: Vec4) -> Table:
     that after a
     measurement of the mean e of the first three with the variance P_ee / (sum of w).
     """
-    state = [0.0] * STATES
-    covariance = [0.0] * (STATES * STATES)
+    state, covariance = list(x), list(p)
     column = [0.0] * STATES
-    for i in range(STATES):
-        state[i] = x[i]
-    for i in range(STATES * STATES):
-        covariance[i] = p[i]
     for j in range(COILS, THRUSTERS):
         variance = covariance[STATES * j + j]
         failed = SUSPECTED if suspected[j - COILS] > 0.0 else doubt.failed

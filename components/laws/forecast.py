@@ -16,16 +16,14 @@ from ..maths.vector import ZERO, add, cross, dot, mat_vec, norm, scale, sub
 from ..physics.orbit import (
     Elements,
     elements_from_state,
-    ellipse_state,
     latitude_of,
     lvlh_attitude,
-    mean_motion,
-    perifocal_axes,
 )
 from ..physics.torques import gravity_gradient_eci
 from . import disturbance_learning as learning
 from . import predictive, slew
 from .momentum_observer import AXES
+from .receding_horizon import coast
 
 AT_1, AT_2 = 0.21132486540518713, 0.7886751345948129  # Gauss points
 Field = Callable[[Vec3, Vec3, float], Vec3]  # B (T, eci) at r (m) with v (m/s), t (s)
@@ -36,7 +34,7 @@ class Craft(NamedTuple):
 
     inertia: Mat33  # kg m2, body
     coil_axes: Mat34  # columns, body; zero where there is no coil
-    dipoles: tuple[Vec3, Vec3, Vec3]  # 1, body: of a unit of each command to the coils
+    dipoles: predictive.Vectors  # 1, body: of a unit of each command to the coils
     thrust: Vec3  # N m, torque that the thrusters give about each axis
     to_wheels: Table  # pseudo-inverse of the wheels' axes
     target: Vec3  # N m s, body: momentum that the wheels keep
@@ -131,17 +129,16 @@ def predict(
     effect = [ZERO] * (predictive.ACTUATORS * predictive.INTERVALS)
     wheel_axes = [ZERO] * (predictive.WHEELS * predictive.PATH_INTERVALS)
     orbit = elements_from_state(r, v)
-    a, e, inclination, raan, perigee, anomaly = orbit
-    n = mean_motion(a)
-    to_perigee, onward = perifocal_axes(inclination, raan, perigee)
     before = _kept_momentum(craft, pointing, pointing.t, pointing.q, r, v)
     strength, weighted, begin = 0.0, 0.0, 0.0
     for k in range(count):
         step = dt[k]
         push = ZERO
-        for point in (AT_1, AT_2):
-            at = begin + point * step
-            r_at, v_at = ellipse_state(a, e, anomaly + n * at, n, to_perigee, onward)
+        times = (begin + AT_1 * step, begin + AT_2 * step, begin + step)
+        states = coast(r, v, times)
+        for point in range(2):
+            at = times[point]
+            r_at, v_at = states[point]
             lvlh = lvlh_attitude(r_at, v_at)
             q = _attitude_ahead(pointing, at, lvlh)
             b = field(r_at, v_at, pointing.t + at)
@@ -157,7 +154,7 @@ def predict(
             strength += squares
             weighted += squares * (norm(cross(r_at, v_at)) / dot(r_at, r_at)) ** 2
         begin += step
-        r_at, v_at = ellipse_state(a, e, anomaly + n * begin, n, to_perigee, onward)
+        r_at, v_at = states[2]
         q = _attitude_ahead(pointing, begin, lvlh_attitude(r_at, v_at))
         after = _kept_momentum(craft, pointing, pointing.t + begin, q, r_at, v_at)
         drift[k] = sub(push, sub(after, before))
@@ -200,15 +197,12 @@ def _effects(craft: Craft, weight: float, q: Vec4, b: Vec3) -> tuple[Vec3, ...]:
     Of a unit of each coil command over `weight` (s), in N m s / (A m2); then of half a
     second of each thruster axis (N m s).
     """
-    first, second, third = craft.dipoles
-    x, y, z = craft.thrust
     return (
-        scale(weight, cross(rotate_back(q, first), b)),
-        scale(weight, cross(rotate_back(q, second), b)),
-        scale(weight, cross(rotate_back(q, third), b)),
-        scale(0.5 * x, rotate_back(q, AXES[0])),
-        scale(0.5 * y, rotate_back(q, AXES[1])),
-        scale(0.5 * z, rotate_back(q, AXES[2])),
+        *(scale(weight, cross(rotate_back(q, m), b)) for m in craft.dipoles),
+        *(
+            scale(0.5 * torque, rotate_back(q, axis))
+            for torque, axis in zip(craft.thrust, AXES, strict=True)
+        ),
     )
 
 

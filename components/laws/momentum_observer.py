@@ -103,16 +103,21 @@ class Measurement(NamedTuple):
     innovation: Vec3  # N m s, eci
 
 
+def _begin(h: Vec3, deviations: Table, suspected: Vec4, restarts: int) -> Filter:
+    """Return a filter with all of its doubts, at the momentum h (N m s, eci)."""
+    return Filter(
+        learning.first_state(h),
+        learning.first_covariance(deviations),
+        deviations,
+        learning.NO_EVIDENCE,
+        suspected,
+        0,
+        restarts,
+    )
+
+
 NO_SAMPLE = Sample(-1.0, IDENTITY_Q, ZERO, ZERO, ZERO, ZERO)
-NO_FILTER = Filter(
-    learning.first_state(ZERO),
-    (0.0,) * (learning.STATES * learning.STATES),
-    (0.0,) * learning.STATES,
-    learning.NO_EVIDENCE,
-    (0.0, 0.0, 0.0, 0.0),
-    0,
-    0,
-)
+NO_FILTER = _begin(ZERO, (0.0,) * learning.STATES, (0.0, 0.0, 0.0, 0.0), 0)
 NO_FIRINGS = ThrustLimits(
     (1.0, 1.0, 1.0), (learning.SPREAD_ACTUATOR,) * 3, (0.0, 0.0, 0.0)
 )
@@ -140,13 +145,13 @@ def turn_back(last: Sample, known: Filter, turn: Vec4) -> tuple[Sample, Filter]:
     )
 
 
-def reach(thrust: Vec3, limits: ThrustLimits, craft: Craft) -> Vec3:
-    """Return a commanded thrust within what the thrusters reach (N m, body)."""
-    torque = [0.0, 0.0, 0.0]
+def reach(thrust: Vec3, share: Table, level: Vec3) -> Table:
+    """Return a commanded thrust within a share of the thrusters' level (N m, body)."""
+    torque = [0.0] * 3
     for j in range(3):
-        most = limits.share[j] * craft.thrust[j]
+        most = share[j] * level[j]
         torque[j] = min(max(thrust[j], -most), most)
-    return (torque[0], torque[1], torque[2])
+    return tuple(torque)
 
 
 def observe(
@@ -177,7 +182,7 @@ def observe(
     begin, end = interval.begin, interval.end
     h = rotate_back(end.q, total)
     n, _ = orbit_motion(end.r, end.v)
-    largest = max(abs(craft.inertia[0]), abs(craft.inertia[4]), abs(craft.inertia[8]))
+    largest = max(map(abs, craft.inertia[::4]))
     gravity_torque = n * n * largest
     noise = max(
         _momentum_noise(craft, largest, norm(total)),
@@ -196,25 +201,14 @@ def observe(
     if begin.t < 0.0 or is_long or not is_measured:
         p = learning.forgotten(known.p, noise)
         return Filter((*h, *known.x[3:]), p, *known[2:]), limits
-    effects = _causes(interval, craft, reach(interval.thrust, limits, craft), elapsed)
+    effects = _causes(
+        interval, craft, reach(interval.thrust, limits.share, craft.thrust), elapsed
+    )
     innovation = learning.innovation(known.x, h, effects)
     measurement = Measurement(h, noise, elapsed, effects, innovation)
     new_limits, missing = _limit_thrust(known, limits, interval, craft, measurement)
     learnt = _learn(known, interval, craft, measurement, gravity_torque, missing)
     return learnt, new_limits
-
-
-def _begin(h: Vec3, deviations: Table, suspected: Vec4, restarts: int) -> Filter:
-    """Return a filter with all of its doubts, at the momentum h (N m s, eci)."""
-    return Filter(
-        learning.first_state(h),
-        learning.first_covariance(deviations),
-        deviations,
-        learning.NO_EVIDENCE,
-        suspected,
-        0,
-        restarts,
-    )
 
 
 def _learn(
@@ -231,12 +225,7 @@ def _learn(
     """
     h, noise, elapsed, effects, innovation = measurement
     _, orbit = orbit_motion(interval.end.r, interval.end.v)
-    q = interval.begin.q
-    axes = (
-        rotate_back(q, AXES[0]),
-        rotate_back(q, AXES[1]),
-        rotate_back(q, AXES[2]),
-    )
+    axes = tuple(rotate_back(interval.begin.q, axis) for axis in AXES)
     rounding = _rounding(interval.thrust, craft)
     # a coil is not lost where the thrusters' rounding explains the innovation
     unexplained = innovation
@@ -272,11 +261,7 @@ def _learn(
         effects,
         noise,
         unmodelled * sqrt(orbit * elapsed / 3.0),
-        (
-            scale(lasting * rounding[0] + missing[0], axes[0]),
-            scale(lasting * rounding[1] + missing[1], axes[1]),
-            scale(lasting * rounding[2] + missing[2], axes[2]),
-        ),
+        tuple(scale(lasting * rounding[j] + missing[j], axes[j]) for j in range(3)),
         known.deviations,
         DRIFT * sqrt(elapsed / orbit),
         failed,
@@ -295,11 +280,10 @@ def _rounding(thrust: Vec3, craft: Craft) -> Table:
     Thrusters round on-times to whole pulses, as the law does. Where they are weaker
     than known, their on-times are longer and the roundings differ.
     """
-    error = [0.0, 0.0, 0.0]
-    for j in range(3):
-        if thrust[j] != 0.0:
-            error[j] = 0.5 * craft.pulse * craft.thrust[j]
-    return tuple(error)
+    return tuple(
+        0.5 * craft.pulse * level if torque != 0.0 else 0.0
+        for torque, level in zip(thrust, craft.thrust, strict=True)
+    )
 
 
 def _limit_thrust(
@@ -316,12 +300,10 @@ def _limit_thrust(
     """
     q, elapsed, fired = interval.end.q, measurement.elapsed, interval.thrust
     innovation = rotate(q, measurement.innovation)
-    expected = reach(fired, limits, craft)
-    shares, deviations, bounds = [0.0] * 3, [0.0] * 3, [0.0] * 3
-    missing = [0.0] * 3
+    expected = reach(fired, limits.share, craft.thrust)
+    shares, deviations = list(limits.share), list(limits.deviation)
+    bounds, missing = list(limits.bound), [0.0] * 3
     for j in range(3):
-        shares[j], deviations[j] = limits.share[j], limits.deviation[j]
-        bounds[j] = limits.bound[j]
         if fired[j] == 0.0:
             continue
         i, level = learning.THRUSTERS + j, craft.thrust[j]
@@ -365,7 +347,7 @@ def _momentum_noise(craft: Craft, inertia: float, total: float) -> float:
     )
 
 
-def _causes(interval: Interval, craft: Craft, thrust: Vec3, elapsed: float) -> Table:
+def _causes(interval: Interval, craft: Craft, thrust: Table, elapsed: float) -> Table:
     """Return the effect of a unit of each learnt parameter on H, `learning.causes`.
 
     By the mean of begin and end. thrust: of `reach`; elapsed (s): length of the interval.

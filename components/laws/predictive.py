@@ -114,7 +114,7 @@ class PathProblem(NamedTuple):
     drift: Vectors  # D_k (N m s)
     effect: Vectors  # g_kj, COILS an interval (N m s by a unit of u)
     price: float  # r
-    limits: Vec3  # u_max,j
+    limits: Table  # u_max,j
     wheel_axes: Vectors  # a_ki, WHEELS an interval
     offset: Table  # b_i (N m s)
     stiffness: float  # q
@@ -129,7 +129,7 @@ class UnloadingProblem(NamedTuple):
     rest: Vec3  # X_0 + sum D, the momentum without the actuators (N m s)
     effect: Vectors  # g_kj, ACTUATORS an interval, coils first (N m s by a unit of u)
     price: float  # r of a second, and of a coil's whole dipole
-    limits: Vec3  # the coils' whole dipoles (A m2)
+    limits: Table  # the coils' whole dipoles (A m2)
     fee: Table  # c of the thrusters in each interval
     longest: Table  # u_max (s) of the thrusters, THRUSTERS an interval
     weight: float  # W
@@ -337,8 +337,9 @@ def _sum_free_effects(
     for j in range(COILS):
         i = COILS * k + j
         if free[i] != 0.0:
-            total = add(total, scale(u[i], problem.effect[i]))
-            square = matrix.add_square(square, problem.effect[i], w)
+            effect = problem.effect[i]
+            total = add(total, scale(u[i], effect))
+            square = matrix.add_square(square, effect, w)
     return square, total
 
 
