@@ -26,10 +26,8 @@ from ..laws.momentum_management import reduced, without
 from ..maths import matrix
 from ..maths.attitude import inverse, normalised, product, rotate, rotate_back
 from ..maths.vector import IDENTITY, ZERO, add, cross, dot, mat_vec, norm, scale, sub
-from ..physics.orbit import (
-    lvlh_attitude,
-    orbit_motion,
-)
+from ..physics.orbit import lvlh_attitude, orbit_motion
+from ..physics.torques import gravity_gradient_eci
 from ..physics.wheel_array import body_momentum, pseudo_inverse, to_wheels
 
 HOLD, EMPTY = range(2)
@@ -313,15 +311,14 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
     def start(self) -> None:
         super().start()
         self._check_plan()
-        live = without(self.axes_coil, self.dead_coil)
-        self._check_actuators(live)
-        self._to_coils = pseudo_inverse(live)
+        self._live = without(self.axes_coil, self.dead_coil)
+        self._check_actuators()
+        self._to_coils = pseudo_inverse(self._live)
         self._null = null_vector(self.axes_wheel)
-        self._live = live
         self._inertia: Mat33 = tuple(self.inertia_scale * x for x in self.inertia)  # type: ignore[assignment]
         self._q_bo = normalised(self.q_bo)
         self.start_field(igrf=self.field_model == IGRF)
-        self._seen = learning.first_state(ZERO)
+        self._show(learning.first_state(ZERO))
         self._last_sample = momentum_observer.NO_SAMPLE
         self._filter = momentum_observer.NO_FILTER
         self._limits = momentum_observer.NO_FIRINGS
@@ -338,10 +335,6 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         self._costate = ZERO
         self._peaks = null_space.NO_PEAKS
         self._failed = False
-        self.effectiveness = (1.0, 1.0, 1.0, 1.0)
-        self.thruster_effectiveness = (1.0, 1.0, 1.0)
-        self.gravity_scale = 1.0
-        self.torque_eci = ZERO
         self.plan_steps = 0
 
     def _slew(self) -> slew.Slew:
@@ -379,13 +372,10 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
                 "weights[3] = 0: with goal empty propellant needs a weight above 0"
             )
 
-    def _check_actuators(self, live: Mat34) -> None:
-        """Refuse a craft without a coil or a thruster that the law could use.
-
-        live: the axes of the coils that are not dead (body).
-        """
+    def _check_actuators(self) -> None:
+        """Refuse a craft without a coil or a thruster that the law could use."""
         x, y, z = self.tau_level
-        with_coils = self.m_limit > 0.0 and any(x != 0.0 for x in live)
+        with_coils = self.m_limit > 0.0 and any(x != 0.0 for x in self._live)
         if not with_coils and not (self.goal == EMPTY and x + y + z > 0.0):
             self.fail(
                 f"m_limit = {self.m_limit:.10g} A m2 with these axes_coil: no coil is left "
@@ -448,7 +438,9 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         turn = scale(1.0 / size2, cross(self.r_eci, self.v_eci))
         orbital = rotate(q, turn)
         rate = orbital if assumed else self.rate()
-        b = self._seen_field(q, model)
+        b = scale(self._field_scale, model)
+        if self._sees_field:
+            b = rotate_back(q, self.b_body)
         total = add(add(h, self.h_target_body), mat_vec(self._inertia, rate))
         self._observe(t, q, b, total)
         is_strange = field_check.is_strange(b, model, self.field_noise)
@@ -501,15 +493,6 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             self.r_eci,
         )
         self._sees_field = self.valid_b and not self.field_rejected
-
-    def _seen_field(self, q: Vec4, model: Vec3) -> Vec3:
-        """Return the measured field, or the scaled model where it is none (T, eci).
-
-        q: attitude; model: its field (T, eci).
-        """
-        if self._sees_field:
-            return rotate_back(q, self.b_body)
-        return scale(self._field_scale, model)
 
     def _corrected(self, q: Vec4, model: Vec3) -> Vec4:
         """Return the attitude q corrected by its constant error, where significant.
@@ -597,11 +580,10 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         b (T, eci): field; total (N m s, body): momentum of the craft.
         """
         craft = self._craft()
+        gravity = gravity_gradient_eci(self.r_eci, q, self._inertia)
         interval = momentum_observer.Interval(
             momentum_observer.Sample(*self._last_sample),
-            momentum_observer.take_sample(
-                t, q, self.r_eci, self.v_eci, b, self._inertia
-            ),
+            momentum_observer.Sample(t, q, self.r_eci, self.v_eci, b, gravity),
             self._coils,
             self._thrust,
         )
@@ -614,9 +596,13 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             self.valid_b,
         )
         self._last_sample, self._filter, self._limits = interval.end, known, limits
-        x = self._seen = learning.judge(known.x, known.p, craft.doubt, known.suspected)
+        self._show(learning.judge(known.x, known.p, craft.doubt, known.suspected))
         self.thruster_limit = learning.vector(limits.share, 0)
         self.filter_restarts = known.restarts
+
+    def _show(self, x: Table) -> None:
+        """Store the expected x of `disturbance_learning`, and show it."""
+        self._seen = x
         self.gravity_scale = x[learning.GRAVITY]
         self.torque_eci = learning.vector(x, learning.INERTIAL)
         e = learning.COILS

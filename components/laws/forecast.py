@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from ..contract.block import Mat33, Mat34, Table, Vec3, Vec4
 from ..maths.attitude import product, rotate, rotate_back
-from ..maths.vector import ZERO, add, cross, dot, mat_vec, norm, scale, sub
+from ..maths.vector import AXES, ZERO, add, cross, dot, mat_vec, norm, scale, sub
 from ..physics.orbit import (
     Elements,
     elements_from_state,
@@ -22,7 +22,6 @@ from ..physics.orbit import (
 from ..physics.torques import gravity_gradient_eci
 from . import disturbance_learning as learning
 from . import predictive, slew
-from .momentum_observer import AXES
 from .receding_horizon import coast
 
 AT_1, AT_2 = 0.21132486540518713, 0.7886751345948129  # Gauss points

@@ -14,14 +14,13 @@ from typing import NamedTuple
 from ..contract.block import Mat33, Mat34, Table, Vec3, Vec4
 from ..maths import kalman
 from ..maths.attitude import IDENTITY_Q, product, rotate, rotate_back
-from ..maths.vector import ZERO, add, cross, dot, norm, scale, sub
+from ..maths.vector import AXES, ZERO, add, cross, dot, norm, scale, sub
 from ..physics.orbit import (
     elements_from_state,
     latitude_of,
     lvlh_attitude,
     orbit_motion,
 )
-from ..physics.torques import gravity_gradient_eci
 from . import disturbance_learning as learning
 from . import thrust_limit
 
@@ -35,7 +34,6 @@ UNMODELLED_TORQUE = 0.01
 VARIES = 0.1
 DRIFT = 0.1  # change of a parameter in an orbit, relative to its prior deviation
 LONGEST_INTERVAL = 10.0  # in samples; after a longer one the momentum begins anew
-AXES: tuple[Vec3, Vec3, Vec3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 class Craft(NamedTuple):
@@ -121,13 +119,6 @@ NO_FILTER = _begin(ZERO, (0.0,) * learning.STATES, (0.0, 0.0, 0.0, 0.0), 0)
 NO_FIRINGS = ThrustLimits(
     (1.0, 1.0, 1.0), (learning.SPREAD_ACTUATOR,) * 3, (0.0, 0.0, 0.0)
 )
-
-
-def take_sample(
-    t: float, q: Vec4, r: Vec3, v: Vec3, field: Vec3, inertia: Mat33
-) -> Sample:
-    """Return the sample at t (s) with the gravity gradient; arguments as of `Sample`."""
-    return Sample(t, q, r, v, field, gravity_gradient_eci(r, q, inertia))
 
 
 def turn_back(last: Sample, known: Filter, turn: Vec4) -> tuple[Sample, Filter]:
@@ -226,7 +217,12 @@ def _learn(
     h, noise, elapsed, effects, innovation = measurement
     _, orbit = orbit_motion(interval.end.r, interval.end.v)
     axes = tuple(rotate_back(interval.begin.q, axis) for axis in AXES)
-    rounding = _rounding(interval.thrust, craft)
+    # thrusters round on-times to whole pulses, as the law does; where they are weaker than
+    # known, their on-times are longer and the roundings differ
+    rounding = tuple(
+        0.5 * craft.pulse * level if torque != 0.0 else 0.0
+        for torque, level in zip(interval.thrust, craft.thrust, strict=True)
+    )
     # a coil is not lost where the thrusters' rounding explains the innovation
     unexplained = innovation
     for j in range(3):
@@ -271,18 +267,6 @@ def _learn(
         return _begin(h, known.deviations, suspected, known.restarts + 1)
     return Filter(
         x, p, known.deviations, evidence, suspected, surprises, known.restarts
-    )
-
-
-def _rounding(thrust: Vec3, craft: Craft) -> Table:
-    """Return the largest errors of a firing by its rounding (N m s, body).
-
-    Thrusters round on-times to whole pulses, as the law does. Where they are weaker
-    than known, their on-times are longer and the roundings differ.
-    """
-    return tuple(
-        0.5 * craft.pulse * level if torque != 0.0 else 0.0
-        for torque, level in zip(thrust, craft.thrust, strict=True)
     )
 
 

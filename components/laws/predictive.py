@@ -155,22 +155,11 @@ def penalise_peaks(problem: PathProblem, peak: float, peak_scale: float) -> Path
     return PathProblem(*problem[:-2], peak, peak_scale)
 
 
-def path_cost(problem: PathProblem, k: int, x: Vec3) -> float:
-    """Compute q |X|^2 / 2 + w_p sum (h_i / h_s)^16 at the end of interval k."""
-    cost = 0.5 * problem.stiffness * dot(x, x)
-    if problem.peak > 0.0:
-        for i in range(WHEELS):
-            axis = problem.wheel_axes[WHEELS * k + i]
-            s = (dot(axis, x) + problem.offset[i]) / problem.peak_scale
-            s2 = s * s
-            s4 = s2 * s2
-            s8 = s4 * s4
-            cost += problem.peak * s8 * s8
-    return cost
-
-
 def path_cost_derivatives(problem: PathProblem, k: int, x: Vec3) -> tuple[Vec3, Mat33]:
-    """Compute the gradient and the Hessian of `path_cost` with respect to X."""
+    """Compute gradient and Hessian of the path's cost at X_k+1 = x (N m s).
+
+    The cost is q |X|^2 / 2 + w_p sum (h_i / h_s)^16.
+    """
     peak, peak_scale = problem.peak, problem.peak_scale
     gradient = scale(problem.stiffness, x)
     hessian = matrix.scale(problem.stiffness, IDENTITY)
@@ -260,7 +249,16 @@ def _add_interval_cost(
     for j in range(COILS):
         v = u[COILS * k + j]
         cost += problem.dt[k] * (0.5 * problem.price * v * v)
-    return cost + problem.dt[k] * path_cost(problem, k, x)
+    path = 0.5 * problem.stiffness * dot(x, x)
+    if problem.peak > 0.0:
+        for i in range(WHEELS):
+            axis = problem.wheel_axes[WHEELS * k + i]
+            s = (dot(axis, x) + problem.offset[i]) / problem.peak_scale
+            s2 = s * s
+            s4 = s2 * s2
+            s8 = s4 * s4
+            path += problem.peak * s8 * s8
+    return cost + problem.dt[k] * path
 
 
 def _follow_plan(
@@ -483,17 +481,18 @@ def _evaluate_dual(
             limit = problem.longest[THRUSTERS * k + j - COILS]
             deadband = problem.fee[k]
             unit = 1.0
-        pull = dot(problem.effect[i], costate)
+        effect = problem.effect[i]
+        pull = dot(effect, costate)
         excess = abs(pull) - deadband
         r = stage * (problem.price / unit)
         v = 0.0
         if excess > 0.0 and limit > 0.0:
             v = excess / r
             if v < limit:
-                hessian = matrix.add_square(hessian, problem.effect[i], 1.0, r)
+                hessian = matrix.add_square(hessian, effect, 1.0, r)
             v = min(v, limit)
             v = -v if pull > 0.0 else v
-            gradient = add(gradient, scale(v, problem.effect[i]))
+            gradient = add(gradient, scale(v, effect))
         u[i] = v
     return gradient, hessian
 
