@@ -323,19 +323,16 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         self._filter = momentum_observer.NO_FILTER
         self._limits = momentum_observer.NO_FIRINGS
         self._coils = NO_MOMENTUM
-        self._thrust = self._dipole_planned = ZERO
+        self._thrust = self._dipole_planned = self._costate = ZERO
         self.thruster_limit = (1.0, 1.0, 1.0)
-        self.filter_restarts = 0
-        self._sees_field = self.field_rejected = False
+        self.plan_steps = self.filter_restarts = 0
+        self._sees_field = self.field_rejected = self._failed = False
         self._check = field_check.begin(self.field_spread, self.field_noise)
         self.start_known_slew()
         self._fields = self._models = 0.0
         self._field_scale = 1.0
         self._planned = -1.0
-        self._costate = ZERO
         self._peaks = null_space.NO_PEAKS
-        self._failed = False
-        self.plan_steps = 0
 
     def _slew(self) -> slew.Slew:
         """Return the slew that is foreseen."""
@@ -406,7 +403,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
 
     def _peak(self) -> float:
         """Return the largest momentum (N m s) of a wheel over the last orbit."""
-        return null_space.find_peak(null_space.Peaks(*self._peaks))
+        return max(self._peaks[0])
 
     def _momentum_share(self) -> float:
         """Return the share (1) of the rate n at which momentum is removed.
@@ -421,21 +418,20 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         return min(max(self._peak() / empty, LEAST_SHARE), 1.0)
 
     def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
-        nothing = ZERO, (ZERO, ZERO)
         assumed = self.attitude == 1
         if not (self.valid_q or assumed) or (
             self.goal == EMPTY and t >= self.end - 1e-6
         ):
             self.mode, self._coils, self._thrust = IDLE, NO_MOMENTUM, ZERO
             self._last_sample = momentum_observer.NO_SAMPLE
-            return nothing
+            return ZERO, (ZERO, ZERO)
         lvlh = lvlh_attitude(self.r_eci, self.v_eci)
         q = product(self._q_bo, lvlh) if assumed else self.q_bi
         model = self._field(self.r_eci, self.v_eci, t)
         self._judge_field(model)
         q = self._corrected(q, model)
-        size2 = dot(self.r_eci, self.r_eci)
-        turn = scale(1.0 / size2, cross(self.r_eci, self.v_eci))
+        turn = cross(self.r_eci, self.v_eci)
+        turn = scale(1.0 / dot(self.r_eci, self.r_eci), turn)
         orbital = rotate(q, turn)
         rate = orbital if assumed else self.rate()
         b = scale(self._field_scale, model)
@@ -449,9 +445,8 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             self._scale_field(b, model, orbit)
         model = scale(self._field_scale, model)
         wheels = to_wheels(self._to_wheels, add(h, self.h_target_body))
-        largest = max(map(abs, wheels))
         self._peaks = null_space.store_peak(
-            null_space.Peaks(*self._peaks), t, orbit, largest
+            null_space.Peaks(*self._peaks), t, orbit, max(map(abs, wheels))
         )
         # whether the attitude is fixed to lvlh, or else to eci, but for a slew
         resting = sub(rate, slew.rate_at(self._slew(), t))
@@ -463,11 +458,10 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             self._planned = t
         mean = rotate(q, add(b, sub(self._field_amid_sample(t), model)))
         if self._failed or is_strange:
-            fallback = cross_product.normalised(h, mean, norm(turn))
-            m = self._chosen_dipole(FALLBACK, fallback)
+            mode, m = FALLBACK, cross_product.normalised(h, mean, norm(turn))
         else:
-            planned = self._dipole(mean, rotate(q, self._costate))
-            m = self._chosen_dipole(DUMPING, planned)
+            mode, m = DUMPING, self._dipole(mean, rotate(q, self._costate))
+        m = self._chosen_dipole(mode, m)
         self._coils = to_wheels(self._to_coils, m)
         dipole = self._effective_dipole(self._coils)
         return add(cross(dipole, mean), self._effective_thrust()), (m, self._thrust)
@@ -753,7 +747,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         for k in range(count):
             fee[k] = self.weights[2] * (1.0 - PATIENCE * begin / reach)
             begin += dt[k]
-        level = max(self.tau_level[0], self.tau_level[1], self.tau_level[2], 1e-9)
+        level = max(max(self.tau_level), 1e-9)
         least = level * self.least_pulse
         weight = 10.0 * self.weights[2] / (level * least)
         near, stride = 0.01 * least, 0.5 * self.weights[2] / level

@@ -198,8 +198,10 @@ def observe(
     innovation = learning.innovation(known.x, h, effects)
     measurement = Measurement(h, noise, elapsed, effects, innovation)
     new_limits, missing = _limit_thrust(known, limits, interval, craft, measurement)
-    learnt = _learn(known, interval, craft, measurement, gravity_torque, missing)
-    return learnt, new_limits
+    return (
+        _learn(known, interval, craft, measurement, gravity_torque, missing),
+        new_limits,
+    )
 
 
 def _learn(
@@ -307,12 +309,12 @@ def _limit_thrust(
         is_tested = thrust_limit.is_tested(
             shares[j], deviations[j], bounds[j], command, error
         )
-        if is_tested and thrust_limit.is_cut(command, share, error):
-            shares[j], deviations[j] = thrust_limit.correct(
-                shares[j], deviations[j], share, error
-            )
         if is_tested:
             missing[j] = elapsed * abs(fired[j])
+            if thrust_limit.is_cut(command, share, error):
+                shares[j], deviations[j] = thrust_limit.correct(
+                    shares[j], deviations[j], share, error
+                )
         bounds[j] = thrust_limit.raise_bound(bounds[j], command, share, error)
     return ThrustLimits(tuple(shares), tuple(deviations), tuple(bounds)), tuple(missing)
 

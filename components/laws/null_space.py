@@ -50,14 +50,6 @@ def store_peak(peaks: Peaks, t: float, orbit: float, largest: float) -> Peaks:
     return Peaks((max(bins[0], largest), *bins[1:]), newest, first)
 
 
-def find_peak(peaks: Peaks) -> float:
-    """Return the largest momentum (N m s) of a wheel over the last orbit."""
-    peak = 0.0
-    for x in peaks.bins:
-        peak = max(peak, x)
-    return peak
-
-
 def drive_to_level(
     h: Vec4, null: Vec4, rate: float, peak: float, capacity: float, weight: float
 ) -> Vec4:
@@ -72,7 +64,7 @@ def drive_to_level(
     rate : float
         Rate of the decay (1/s).
     peak : float
-        Of `find_peak` (N m s).
+        Largest of the last orbit (N m s), of `Peaks`.
     capacity : float
         Of a wheel (N m s); 0: not known.
     weight : float
