@@ -309,6 +309,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
     )
 
     def start(self) -> None:
+        """Refuse parameters without a plan, and begin with nothing learnt."""
         super().start()
         self._check_plan()
         self._live = without(self.axes_coil, self.dead_coil)
@@ -418,6 +419,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         return min(max(self._peak() / empty, LEAST_SHARE), 1.0)
 
     def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
+        """Learn from the last sample, plan where a plan is due, and follow the plan."""
         assumed = self.attitude == 1
         if not (self.valid_q or assumed) or (
             self.goal == EMPTY and t >= self.end - 1e-6
