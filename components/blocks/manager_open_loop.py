@@ -21,7 +21,7 @@ from ..physics.orbit import (
     mean_motion,
     perifocal_axes,
 )
-from ..physics.torques import gravity_gradient
+from ..physics.torques import gravity_gradient_eci
 
 HOLD, _ = range(2)
 PREDICTED, _ = range(2)
@@ -200,7 +200,7 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, KnownSlew, EarthField)
         impulse, product = ZERO, NOTHING
         for k in range(floor((end - t) / dt + 0.5)):
             q, r, b = self._ahead(orbit, t, (k + 0.5) * dt)
-            gravity = rotate_back(q, gravity_gradient(rotate(q, r), self._inertia))
+            gravity = gravity_gradient_eci(r, q, self._inertia)
             impulse = add(impulse, scale(dt, gravity))
             product = _plus(product, dt, laws.field_product(b, _turned(self._s, q)))
         change = sub(sub(nominal, h_eci), impulse)

@@ -1,16 +1,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import copysign, inf, pi, sqrt
+from math import copysign
 
-from ..bases.dumping import DUMPING, FALLBACK, IDLE, MomentumDumping
+from ..bases.dumping import DUMPING, FALLBACK, IDLE, NO_MOMENTUM, MomentumDumping
 from ..bases.earth_field import EarthField
 from ..bases.known_slew import KnownSlew
 from ..contract.block import Mat33, Mat34, Output, Parameter, Table, Vec3, Vec4
 from ..contract.fitting import Law, Need
 from ..laws import (
-    attitude_error,
     cross_product,
+    field_check,
+    forecast,
+    momentum_observer,
+    null_space,
     predictive,
     receding_horizon,
     slew,
@@ -18,21 +21,13 @@ from ..laws import (
 )
 from ..laws import disturbance_learning as learning
 from ..laws.blending import Split
-from ..laws.integrated import null_torque, null_vector
+from ..laws.integrated import null_vector
 from ..laws.momentum_management import reduced, without
-from ..maths import kalman
+from ..maths import matrix
 from ..maths.attitude import inverse, normalised, product, rotate, rotate_back
-from ..maths.vector import ZERO, add, cross, dot, mat_vec, norm, scale, sub
-from ..physics import geomagnetic
-from ..physics.orbit import (
-    elements_from_state,
-    ellipse_state,
-    lvlh_attitude,
-    mean_motion,
-    orbit_plane,
-    perifocal_axes,
-)
-from ..physics.torques import gravity_gradient
+from ..maths.vector import IDENTITY, ZERO, add, cross, dot, mat_vec, norm, scale, sub
+from ..physics.orbit import lvlh_attitude, orbit_motion
+from ..physics.torques import gravity_gradient_eci
 from ..physics.wheel_array import body_momentum, pseudo_inverse, to_wheels
 
 HOLD, EMPTY = range(2)
@@ -52,40 +47,7 @@ LEAST_EIGENVALUE = 1e-3  # of the coils' price, relative to its mean
 LEAST_ENERGY = 0.05  # relative price of a dipole of a coil that gives none
 COIL_PRICE = 2e-3  # goal empty: price of a full dipole or a second, squared and halved
 PATIENCE = 1e-3  # goal empty: relative discount of a last second against a first
-# Error of the thrusters' directions (rad), by attitude and mounting.
-MISALIGNMENT = 0.1
 NO_FIRING: Table = (0.0,) * (predictive.THRUSTERS * predictive.INTERVALS)
-TORQUE_SPREAD = 0.5  # prior deviation of constant torques, relative to n^2 J
-DIPOLE_SPREAD = 0.1  # prior deviation of the craft's own dipole, relative to m_limit
-# Least torque that is not modelled, relative to n^2 J and to the torques that are known,
-# for a sixth of an orbit at a time.
-UNMODELLED_TORQUE = 0.01
-VARIES = 0.1
-DRIFT = 0.1  # change of a parameter in an orbit, relative to its prior deviation
-# Limit of the momentum in the null space, relative to the largest momentum that a wheel
-# has otherwise.
-NULL_MOMENTUM = 2.0
-# Share of its capacity (1) below which a wheel counts as near standstill.
-STANDSTILL = 0.02
-# Share of its capacity (1) to which momentum in the null space may fill a wheel.
-MOST_FILL = 0.9
-BINS = 8  # parts of an orbit whose largest wheel momenta are stored
-# Difference of measured and model field beyond which the law falls back: relative, and
-# in addition in standard deviations of a measured component. Far from the Earth the
-# field is as small as its noise.
-FIELD_MISMATCH = 0.3
-FIELD_DEVIATIONS = 5.0
-# Relative error of the measured field's size beyond which it is not the Earth's, as where
-# a strong coil is near the magnetometer.
-WRONG_SIZE = 0.5
-# Goal empty: weight of `field_noise` in measurements against the noise that is seen, and
-# least number of measurements from which an error of the attitude is corrected.
-NOISE_WEIGHT = 0.3
-SPREAD_ANGLE = 0.1  # rad, prior deviation of the attitude's error about each axis
-LEAST_FIELD_NOISE = 1e-10  # T, with which an attitude error is learnt
-FEWEST_MEASUREMENTS = 2.0
-AXES: tuple[Vec3, Vec3, Vec3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-AT_1, AT_2 = 0.21132486540518713, 0.7886751345948129  # Gauss points
 
 
 class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
@@ -347,61 +309,31 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
     )
 
     def start(self) -> None:
+        """Refuse parameters without a plan, and begin with nothing learnt."""
         super().start()
         self._check_plan()
-        live = without(self.axes_coil, self.dead_coil)
-        self._check_actuators(live)
-        self._to_coils = pseudo_inverse(live)
+        self._live = without(self.axes_coil, self.dead_coil)
+        self._check_actuators()
+        self._to_coils = pseudo_inverse(self._live)
         self._null = null_vector(self.axes_wheel)
-        self._live = live
         self._inertia: Mat33 = tuple(self.inertia_scale * x for x in self.inertia)  # type: ignore[assignment]
         self._q_bo = normalised(self.q_bo)
         self.start_field(igrf=self.field_model == IGRF)
-        self._start_learning()
-        self._b_eci = self._gravity = self._dipole_planned = ZERO
-        self._coils: Vec4 = (0.0, 0.0, 0.0, 0.0)
-        self._thrust = ZERO
+        self._show(learning.first_state(ZERO))
+        self._last_sample = momentum_observer.NO_SAMPLE
+        self._filter = momentum_observer.NO_FILTER
+        self._limits = momentum_observer.NO_FIRINGS
+        self._coils = NO_MOMENTUM
+        self._thrust = self._dipole_planned = self._costate = ZERO
         self.thruster_limit = (1.0, 1.0, 1.0)
-        spread = learning.SPREAD_ACTUATOR
-        self._limit_deviation: Vec3 = (spread, spread, spread)
-        self._limit_bound = ZERO
-        self._q: Vec4 = (0.0, 0.0, 0.0, 1.0)
-        self._r = self._v = ZERO
-        self._start_correction()
+        self.plan_steps = self.filter_restarts = 0
+        self._sees_field = self.field_rejected = self._failed = False
+        self._check = field_check.begin(self.field_spread, self.field_noise)
         self.start_known_slew()
         self._fields = self._models = 0.0
         self._field_scale = 1.0
         self._planned = -1.0
-        self._costate = ZERO
-        self._bins = (0.0,) * BINS
-        self._bin = self._first_bin = -1
-        self._failed = False
-        self.effectiveness = (1.0, 1.0, 1.0, 1.0)
-        self.thruster_effectiveness = (1.0, 1.0, 1.0)
-        self.gravity_scale = 1.0
-        self.torque_eci = ZERO
-        self.plan_steps = 0
-
-    def _start_learning(self) -> None:
-        """Begin with nothing known; the first sample gives momentum and deviations."""
-        self._x = self._seen = learning.first_state(ZERO)
-        self._p = (0.0,) * (learning.STATES * learning.STATES)
-        self._deviations = (0.0,) * learning.STATES
-        self._evidence = (0.0,) * learning.EVIDENCE
-        self._surprises = self.filter_restarts = 0
-        self._suspected: Vec4 = (0.0, 0.0, 0.0, 0.0)
-        self._known = -1.0
-        self._sees_field = self.field_rejected = False
-
-    def _start_correction(self) -> None:
-        """Begin with an attitude that counts as right."""
-        self._error: Table = (0.0,) * attitude_error.STATES
-        self._error_p = attitude_error.first_covariance(SPREAD_ANGLE, self.field_spread)
-        self._correction: Vec4 = (0.0, 0.0, 0.0, 1.0)
-        self._is_misaligned = False
-        noise = max(self.field_noise, LEAST_FIELD_NOISE)
-        self._field_variance = noise * noise
-        self._measurements = 0.0
+        self._peaks = null_space.NO_PEAKS
 
     def _slew(self) -> slew.Slew:
         """Return the slew that is foreseen."""
@@ -438,13 +370,10 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
                 "weights[3] = 0: with goal empty propellant needs a weight above 0"
             )
 
-    def _check_actuators(self, live: Mat34) -> None:
-        """Refuse a craft without a coil or a thruster that the law could use.
-
-        live: the axes of the coils that are not dead (body).
-        """
+    def _check_actuators(self) -> None:
+        """Refuse a craft without a coil or a thruster that the law could use."""
         x, y, z = self.tau_level
-        with_coils = self.m_limit > 0.0 and any(x != 0.0 for x in live)
+        with_coils = self.m_limit > 0.0 and any(x != 0.0 for x in self._live)
         if not with_coils and not (self.goal == EMPTY and x + y + z > 0.0):
             self.fail(
                 f"m_limit = {self.m_limit:.10g} A m2 with these axes_coil: no coil is left "
@@ -459,35 +388,23 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         """Add the torques that reduce the wheels' null-space momentum to its limit."""
         if not self.enable:
             return
-        n = norm(self.v_eci) / norm(self.r_eci)
-        p, q, r, s = self._null
-        a, b, c, d = self.h_wheel
-        size2 = p * p + q * q + r * r + s * s
-        along = (p * a + q * b + r * c + s * d) / max(size2, 1.0)
-        level = min(
-            max(along, -NULL_MOMENTUM * self._peak()), NULL_MOMENTUM * self._peak()
+        rate = self.null_gain
+        if rate <= 0.0:
+            rate = norm(self.v_eci) / norm(self.r_eci)
+        a, b, c, d = null_space.drive_to_level(
+            self.h_wheel,
+            self._null,
+            rate,
+            self._peak(),
+            self.h_limit,
+            self.standstill_weight,
         )
-        if self.standstill_weight > 0.0:
-            peak = self._peak()
-            size = self.standstill_weight * (peak + STANDSTILL * self.h_limit)
-            if self.h_limit > 0.0:
-                size = min(size, max(MOST_FILL * self.h_limit - peak, 0.0))
-            level = copysign(size, along)
-        above = (a - level * p, b - level * q, c - level * r, d - level * s)
-        rate = self.null_gain if self.null_gain > 0.0 else n
-        a, b, c, d = null_torque(above, self._null, rate, inf)
         e, f, g, i = self.tau_cmd_wheel
         self.tau_cmd_wheel = (a + e, b + f, c + g, d + i)
 
     def _peak(self) -> float:
-        """Return the largest momentum (N m s) of a wheel over the last orbit.
-
-        Momentum in the null space does not count.
-        """
-        peak = 0.0
-        for x in self._bins:
-            peak = max(peak, x)
-        return peak
+        """Return the largest momentum (N m s) of a wheel over the last orbit."""
+        return max(self._peaks[0])
 
     def _momentum_share(self) -> float:
         """Return the share (1) of the rate n at which momentum is removed.
@@ -496,55 +413,57 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         In the first orbit, whose peak is not known, it is 1.
         """
         empty = EMPTY_FILL * self.h_limit
-        if empty <= 0.0 or self._bin < self._first_bin + BINS:
+        _, newest, first = self._peaks
+        if empty <= 0.0 or newest < first + null_space.BINS:
             return 1.0
         return min(max(self._peak() / empty, LEAST_SHARE), 1.0)
 
     def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
-        nothing = ZERO, (ZERO, ZERO)
+        """Learn from the last sample, plan where a plan is due, and follow the plan."""
         assumed = self.attitude == 1
         if not (self.valid_q or assumed) or (
             self.goal == EMPTY and t >= self.end - 1e-6
         ):
-            self.mode, self._coils, self._thrust = IDLE, (0.0, 0.0, 0.0, 0.0), ZERO
-            self._known = -1.0
-            return nothing
+            self.mode, self._coils, self._thrust = IDLE, NO_MOMENTUM, ZERO
+            self._last_sample = momentum_observer.NO_SAMPLE
+            return ZERO, (ZERO, ZERO)
         lvlh = lvlh_attitude(self.r_eci, self.v_eci)
         q = product(self._q_bo, lvlh) if assumed else self.q_bi
         model = self._field(self.r_eci, self.v_eci, t)
         self._judge_field(model)
         q = self._corrected(q, model)
-        size2 = dot(self.r_eci, self.r_eci)
-        turn = scale(1.0 / size2, cross(self.r_eci, self.v_eci))
+        turn = cross(self.r_eci, self.v_eci)
+        turn = scale(1.0 / dot(self.r_eci, self.r_eci), turn)
         orbital = rotate(q, turn)
         rate = orbital if assumed else self.rate()
-        self._observe(
-            t, q, add(add(h, self.h_target_body), mat_vec(self._inertia, rate)), model
-        )
-        b = self._seen_field(q, model)
-        mismatch = FIELD_MISMATCH * norm(model) + FIELD_DEVIATIONS * self.field_noise
-        strange = norm(sub(b, model)) > mismatch
+        b = scale(self._field_scale, model)
         if self._sees_field:
-            self._weigh(b, model)
+            b = rotate_back(q, self.b_body)
+        total = add(add(h, self.h_target_body), mat_vec(self._inertia, rate))
+        self._observe(t, q, b, total)
+        is_strange = field_check.is_strange(b, model, self.field_noise)
+        _, orbit = orbit_motion(self.r_eci, self.v_eci)
+        if self._sees_field:
+            self._scale_field(b, model, orbit)
         model = scale(self._field_scale, model)
-        self._remember(t, h)
+        wheels = to_wheels(self._to_wheels, add(h, self.h_target_body))
+        self._peaks = null_space.store_peak(
+            null_space.Peaks(*self._peaks), t, orbit, max(map(abs, wheels))
+        )
         # whether the attitude is fixed to lvlh, or else to eci, but for a slew
         resting = sub(rate, slew.rate_at(self._slew(), t))
         turning = assumed or norm(sub(resting, orbital)) < norm(resting)
         if self._planned < 0.0 or t - self._planned >= self._period() - 1e-6:
-            self._plan(t, q, lvlh, turning, rotate_back(q, h), sub(b, model))
+            from_lvlh = product(q, inverse(lvlh))
+            pointing = forecast.Pointing(t, q, from_lvlh, turning, self._slew())
+            self._plan(pointing, orbit, rotate_back(q, h), sub(b, model))
             self._planned = t
-        self._b_eci, self._q, self._r, self._v = b, q, self.r_eci, self.v_eci
-        self._gravity = rotate_back(
-            q, gravity_gradient(rotate(q, self.r_eci), self._inertia)
-        )
         mean = rotate(q, add(b, sub(self._field_amid_sample(t), model)))
-        if self._failed or strange:
-            fallback = cross_product.normalised(h, mean, norm(turn))
-            m = self._chosen_dipole(FALLBACK, fallback)
+        if self._failed or is_strange:
+            mode, m = FALLBACK, cross_product.normalised(h, mean, norm(turn))
         else:
-            planned = self._dipole(mean, rotate(q, self._costate))
-            m = self._chosen_dipole(DUMPING, planned)
+            mode, m = DUMPING, self._dipole(mean, rotate(q, self._costate))
+        m = self._chosen_dipole(mode, m)
         self._coils = to_wheels(self._to_coils, m)
         dipole = self._effective_dipole(self._coils)
         return add(cross(dipole, mean), self._effective_thrust()), (m, self._thrust)
@@ -562,25 +481,14 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
 
     def _judge_field(self, model: Vec3) -> None:
         """Reject a measured field whose size is not the Earth's. model: its field (T)."""
-        size = self._field_scale * norm(model)
-        most = WRONG_SIZE * size + FIELD_DEVIATIONS * self.field_noise
-        self.field_rejected = (
-            self.valid_b
-            and abs(norm(self.b_body) - size) > most
-            and geomagnetic.is_plausible(
-                size, norm(self.dipole_earth), norm(self.r_eci)
-            )
+        self.field_rejected = self.valid_b and field_check.is_rejected(
+            self.b_body,
+            self._field_scale * norm(model),
+            self.field_noise,
+            self.dipole_earth,
+            self.r_eci,
         )
         self._sees_field = self.valid_b and not self.field_rejected
-
-    def _seen_field(self, q: Vec4, model: Vec3) -> Vec3:
-        """Return the measured field, or the scaled model where it is none (T, eci).
-
-        q: attitude; model: its field (T, eci).
-        """
-        if self._sees_field:
-            return rotate_back(q, self.b_body)
-        return scale(self._field_scale, model)
 
     def _corrected(self, q: Vec4, model: Vec3) -> Vec4:
         """Return the attitude q corrected by its constant error, where significant.
@@ -591,39 +499,19 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         """
         if self.goal != EMPTY or self.field_spread <= 0.0:
             return q
+        before = field_check.AttitudeCheck(*self._check)
+        check = before
         if self._sees_field:
-            size = max(norm(self.b_body), 1e-12)
-            # directions, so that a model whose field is too large has no effect
-            self._error, self._error_p, ratio = attitude_error.update(
-                self._error,
-                self._error_p,
-                scale(1.0 / size, self.b_body),
-                rotate(
-                    attitude_error.rotation(self._error),
-                    scale(1.0 / max(norm(model), 1e-12), rotate(q, model)),
-                ),
-                self._field_variance / (size * size),
-                attitude_error.ANGLES,
-            )
-            # the first measurement shows the error, the next ones the noise
-            if self._measurements >= 1.0:
-                share = 1.0 / (self._measurements + NOISE_WEIGHT)
-                self._field_variance *= 1.0 + share * (ratio - 1.0)
-            self._measurements += 1.0
-        self._is_misaligned = self._is_misaligned or (
-            self._measurements >= FEWEST_MEASUREMENTS
-            and attitude_error.is_significant(self._error, self._error_p)
-        )
-        if not self._is_misaligned:
+            check = field_check.learn_error(before, self.b_body, model, q)
+        self._check = check
+        if not check.is_misaligned:
             return q
-        correction = attitude_error.rotation(self._error)
-        before = self._q
-        self._q = product(product(correction, inverse(self._correction)), before)
-        self._b_eci = rotate_back(self._q, rotate(before, self._b_eci))
-        self._gravity = rotate_back(self._q, rotate(before, self._gravity))
-        h = rotate_back(self._q, rotate(before, learning.vector(self._x, 0)))
-        self._x = (*h, *self._x[3:])
-        self._correction = correction
+        correction = field_check.correction_of(check)
+        self._last_sample, self._filter = momentum_observer.turn_back(
+            momentum_observer.Sample(*self._last_sample),
+            momentum_observer.Filter(*self._filter),
+            product(correction, inverse(field_check.correction_of(before))),
+        )
         return product(correction, q)
 
     def _period(self) -> float:
@@ -633,20 +521,6 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         return self.sample_time * float(
             int(max(PLAN_TIME / self.sample_time, 1.0) + 0.999999)
         )
-
-    def _motion(self) -> tuple[float, float]:
-        """Return the orbit's rate (rad/s) and period (s)."""
-        n = mean_motion(elements_from_state(self.r_eci, self.v_eci).semi_major_axis)
-        return n, 2.0 * pi / n
-
-    def _coasted(self, ahead: float) -> tuple[Vec3, Vec3]:
-        """Predict r (m) and v (m/s), eci, `ahead` (s) of now."""
-        a, e, inclination, raan, perigee, anomaly = elements_from_state(
-            self.r_eci, self.v_eci
-        )
-        n = mean_motion(a)
-        p, q = perifocal_axes(inclination, raan, perigee)
-        return ellipse_state(a, e, anomaly + n * ahead, n, p, q)
 
     def _field(self, r: Vec3, v: Vec3, t: float) -> Vec3:
         """Compute the model's B (T, eci) at r (m) with v (m/s) at t (s)."""
@@ -659,34 +533,21 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
 
     def _field_amid_sample(self, t: float) -> Vec3:
         """Compute the scaled model's B (T, eci) half a sample after t (s)."""
-        r, v = self._coasted(0.5 * self.sample_time)
+        ((r, v),) = receding_horizon.coast(
+            self.r_eci, self.v_eci, (0.5 * self.sample_time,)
+        )
         return scale(self._field_scale, self._field(r, v, t + 0.5 * self.sample_time))
 
-    def _weigh(self, b: Vec3, model: Vec3) -> None:
+    def _scale_field(self, b: Vec3, model: Vec3, orbit: float) -> None:
         """Update the scale of the model's field by a measured field (T, eci).
 
-        The scale is that of the last orbit, with a prior of 1 that counts as one
-        measurement.
+        orbit: the orbit's period (s).
         """
-        _, orbit = self._motion()
         memory = max(1.0 - self.sample_time / orbit, 0.0)
-        one = dot(model, model) if self._models == 0.0 else 0.0
-        self._models = memory * self._models + one + dot(model, model)
-        self._fields = memory * self._fields + one + dot(b, model)
+        self._fields, self._models = field_check.compare(
+            self._fields, self._models, b, model, memory
+        )
         self._field_scale = self._fields / self._models
-
-    def _remember(self, t: float, h: Vec3) -> None:
-        """Store the largest wheel momentum of each part of the last orbit."""
-        _, orbit = self._motion()
-        now = int(t * float(BINS) / orbit)
-        a, b, c, d = to_wheels(self._to_wheels, add(h, self.h_target_body))
-        largest = max(abs(a), abs(b), abs(c), abs(d))
-        if self._first_bin < 0:
-            self._first_bin = now
-        while self._bin < now:
-            self._bin = now if self._bin < now - BINS else self._bin + 1
-            self._bins = (0.0, *self._bins[:-1])
-        self._bins = (max(self._bins[0], largest), *self._bins[1:])
 
     def _effective_dipole(self, coils: Vec4) -> Vec3:
         """Compute the dipole (A m2, body) that the coils give for these commands."""
@@ -694,311 +555,97 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         e, f, g, i = self.effectiveness
         return body_momentum(self._live, (e * a, f * b, g * c, i * d))
 
-    def _observe(self, t: float, q: Vec4, total: Vec3, model: Vec3) -> None:
+    def _craft(self) -> momentum_observer.Craft:
+        """Return what is known of the craft and its sensors."""
+        return momentum_observer.Craft(
+            self._inertia,
+            self._live,
+            self.m_limit,
+            self.tau_level,
+            self.least_pulse,
+            self.sample_time,
+            self.h_noise,
+            self.rate_noise,
+            self.attitude_noise,
+            learning.EMPTYING if self.goal == EMPTY else learning.HOLDING,
+        )
+
+    def _observe(self, t: float, q: Vec4, b: Vec3, total: Vec3) -> None:
         """Learn from the change of the craft's momentum since the last sample.
 
-        total (N m s, body): momentum of the craft; model: its field (T, eci).
+        b (T, eci): field; total (N m s, body): momentum of the craft.
         """
-        h = rotate_back(q, total)
-        n, _ = self._motion()
-        largest = max(
-            abs(self._inertia[0]), abs(self._inertia[4]), abs(self._inertia[8])
+        craft = self._craft()
+        gravity = gravity_gradient_eci(self.r_eci, q, self._inertia)
+        interval = momentum_observer.Interval(
+            momentum_observer.Sample(*self._last_sample),
+            momentum_observer.Sample(t, q, self.r_eci, self.v_eci, b, gravity),
+            self._coils,
+            self._thrust,
         )
-        gravity_torque = n * n * largest
-        noise = max(
-            self._momentum_noise(largest, norm(total)),
-            1e-3 * gravity_torque * self.sample_time,
+        known, limits = momentum_observer.observe(
+            momentum_observer.Filter(*self._filter),
+            momentum_observer.ThrustLimits(*self._limits),
+            interval,
+            craft,
+            total,
+            self.valid_b,
         )
-        if self._deviations[learning.GRAVITY] == 0.0:
-            self._deviations = learning.spreads(
-                TORQUE_SPREAD * gravity_torque,
-                learning.air_torque(largest, self.r_eci, self.v_eci),
-                DIPOLE_SPREAD * self.m_limit,
-                noise,
-            )
-            self._begin_learning(h)
-        passed = t - self._known
-        if self._known < 0.0 or passed > 10.0 * self.sample_time or not self.valid_b:
-            self._restart(h, noise)
-        else:
-            causes = self._causes(passed, q, self._seen_field(q, model))
-            tested = self._limit_thrust(passed, q, h, causes, noise)
-            self._learn(passed, h, causes, noise, gravity_torque, tested)
-        self._known = t
-        x = self._seen = learning.judge(
-            self._x, self._p, self._doubt(), self._suspected
-        )
+        self._last_sample, self._filter, self._limits = interval.end, known, limits
+        self._show(learning.judge(known.x, known.p, craft.doubt, known.suspected))
+        self.thruster_limit = learning.vector(limits.share, 0)
+        self.filter_restarts = known.restarts
+
+    def _show(self, x: Table) -> None:
+        """Store the expected x of `disturbance_learning`, and show it."""
+        self._seen = x
         self.gravity_scale = x[learning.GRAVITY]
         self.torque_eci = learning.vector(x, learning.INERTIAL)
         e = learning.COILS
         self.effectiveness = (x[e], x[e + 1], x[e + 2], x[e + 3])
         self.thruster_effectiveness = learning.vector(x, learning.THRUSTERS)
 
-    def _doubt(self) -> learning.Doubt:
-        """Return how readily a coil is taken for failed."""
-        return learning.EMPTYING if self.goal == EMPTY else learning.HOLDING
-
-    def _begin_learning(self, h: Vec3) -> None:
-        """Let the filter begin, with all of its doubts, at the momentum h (N m s, eci)."""
-        self._x = learning.first_state(h)
-        self._p = learning.first_covariance(self._deviations)
-        self._evidence = (0.0,) * learning.EVIDENCE
-        self._surprises = 0
-
-    def _restart(self, h: Vec3, noise: float) -> None:
-        """Restart the filter's momentum at h (N m s, eci); keep the parameters."""
-        self._x = (*h, *self._x[3:])
-        self._p = learning.forgotten(self._p, noise)
-
-    def _learn(
-        self,
-        passed: float,
-        h: Vec3,
-        causes: Table,
-        noise: float,
-        gravity_torque: float,
-        tested: Vec3,
-    ) -> None:
-        """Update the filter by the momentum h (N m s, eci), measured with `noise`.
-
-        passed (s): time since the last sample; gravity_torque: n^2 J (N m); tested: of
-        `_limit_thrust`.
-        """
-        _, orbit = self._motion()
-        found = learning.innovation(self._x, h, causes)
-        # a coil is not lost where the thrusters' rounding explains what is found
-        axes = (
-            rotate_back(self._q, AXES[0]),
-            rotate_back(self._q, AXES[1]),
-            rotate_back(self._q, AXES[2]),
-        )
-        rounding = self._rounding()
-        unexplained = found
-        for j in range(3):
-            most = rounding[j] + tested[j]
-            along = min(max(dot(found, axes[j]), -most), most)
-            unexplained = sub(unexplained, scale(along, axes[j]))
-        self._evidence = learning.gather(
-            self._evidence,
-            self._p,
-            unexplained,
-            causes,
-            passed,
-            orbit,
-            self._doubt(),
-        )
-        failed = learning.find_failure(
-            self._evidence, self._x, self._deviations[learning.DIPOLE]
-        )
-        if failed >= 0:
-            self._evidence = learning.explain(self._evidence, failed)
-            self._suspected = learning.suspect(self._suspected, failed)
-        unmodelled = max(
-            UNMODELLED_TORQUE * gravity_torque,
-            VARIES * learning.known_torque(self._x),
-            learning.unmodelled_torque(self._evidence),
-        )
-        # commands, and so their roundings, last as long as innovations are averaged
-        lasting = sqrt(2.0 / 3.0 * learning.SMOOTHED * orbit / passed)
-        self._x, self._p, surprise = learning.update(
-            self._x,
-            self._p,
-            h,
-            causes,
-            noise,
-            unmodelled * sqrt(orbit * passed / 3.0),
-            (
-                scale(lasting * rounding[0] + tested[0], axes[0]),
-                scale(lasting * rounding[1] + tested[1], axes[1]),
-                scale(lasting * rounding[2] + tested[2], axes[2]),
-            ),
-            self._deviations,
-            DRIFT * sqrt(passed / orbit),
-            failed,
-        )
-        self._surprises = kalman.count_surprises(self._surprises, surprise)
-        if self._surprises >= kalman.SURPRISES:
-            self.filter_restarts += 1
-            self._begin_learning(h)
-
-    def _rounding(self) -> Vec3:
-        """Return the largest errors of the last firing by its rounding (N m s, body).
-
-        Thrusters round on-times to whole pulses, as the law does. Where they are weaker
-        than known, their on-times are longer and the roundings differ.
-        """
-        error = [0.0, 0.0, 0.0]
-        for j in range(3):
-            if self._thrust[j] != 0.0:
-                error[j] = 0.5 * self.least_pulse * self.tau_level[j]
-        return (error[0], error[1], error[2])
-
-    def _reached(self) -> Vec3:
-        """Return the commanded thrust within what the thrusters reach (N m, body)."""
-        thrust = [0.0, 0.0, 0.0]
-        for j in range(3):
-            most = self.thruster_limit[j] * self.tau_level[j]
-            thrust[j] = min(max(self._thrust[j], -most), most)
-        return (thrust[0], thrust[1], thrust[2])
-
     def _effective_thrust(self) -> Vec3:
         """Compute the torque (N m, body) that the thrusters give for the command."""
         x, y, z = self.thruster_effectiveness
-        n_x, n_y, n_z = self._reached()
+        n_x, n_y, n_z = momentum_observer.reach(
+            self._thrust, self.thruster_limit, self.tau_level
+        )
         return (x * n_x, y * n_y, z * n_z)
 
-    def _limit_thrust(
-        self, passed: float, q: Vec4, h: Vec3, causes: Table, noise: float
-    ) -> Vec3:
-        """Learn the largest torque about each axis from the firings of the last sample.
-
-        Returns the impulses (N m s, body) that may be missing where a firing tested it,
-        so that the sample teaches nothing else about this axis. Arguments as of
-        `_learn`; q is the attitude now.
-        """
-        found = rotate(q, learning.innovation(self._x, h, causes))
-        expected, fired = self._reached(), self._thrust
-        limits, deviations, bounds = [0.0] * 3, [0.0] * 3, [0.0] * 3
-        missing = [0.0] * 3
-        for j in range(3):
-            limits[j], deviations[j] = self.thruster_limit[j], self._limit_deviation[j]
-            bounds[j] = self._limit_bound[j]
-            if fired[j] == 0.0:
-                continue
-            i, level = learning.THRUSTERS + j, self.tau_level[j]
-            axis = rotate_back(q, AXES[j])
-            spread = learning.deviation_along(self._p, causes, axis, i, noise) / passed
-            across = MISALIGNMENT * (norm(fired) - abs(fired[j]))
-            error = sqrt(spread * spread + across * across) / level
-            command = abs(fired[j]) / level
-            torque = self._x[i] * expected[j] + found[j] / passed
-            share = copysign(1.0, fired[j]) * torque / level
-            tested = thrust_limit.is_tested(
-                limits[j], deviations[j], bounds[j], command, error
-            )
-            if tested and thrust_limit.is_cut(command, share, error):
-                limits[j], deviations[j] = thrust_limit.correct(
-                    limits[j], deviations[j], share, error
-                )
-            if tested:
-                missing[j] = passed * abs(fired[j])
-            bounds[j] = thrust_limit.raise_bound(bounds[j], command, share, error)
-        self.thruster_limit = (limits[0], limits[1], limits[2])
-        self._limit_deviation = (deviations[0], deviations[1], deviations[2])
-        self._limit_bound = (bounds[0], bounds[1], bounds[2])
-        return (missing[0], missing[1], missing[2])
-
-    def _momentum_noise(self, inertia: float, total: float) -> float:
-        """Return the standard deviation of the measured momentum H (N m s).
-
-        inertia: the largest (kg m2); total: |H| (N m s).
-        """
-        from_rate, from_attitude = (
-            inertia * self.rate_noise,
-            total * self.attitude_noise,
-        )
-        return sqrt(
-            self.h_noise * self.h_noise
-            + from_rate * from_rate
-            + from_attitude * from_attitude
-        )
-
-    def _causes(self, passed: float, q: Vec4, b: Vec3) -> Table:
-        """Return the effect of a unit of each learnt parameter on H, `learning.causes`.
-
-        Over the time `passed` (s) since the last sample, by the mean of then and now;
-        q and b (T, eci) are those of now.
-        """
-        half = 0.5 * passed
-        pull = rotate_back(q, gravity_gradient(rotate(q, self.r_eci), self._inertia))
-        then = lvlh_attitude(self._r, self._v)
-        now = lvlh_attitude(self.r_eci, self.v_eci)
-        (c0, s0), (c1, s1) = self._latitude(self._r), self._latitude(self.r_eci)
-        coil_axes = tuple(
-            (self._live[i], self._live[4 + i], self._live[8 + i]) for i in range(4)
-        )
-        return learning.causes(
-            (
-                scale(half, add(self._gravity, pull)),
-                *(scale(passed, axis) for axis in AXES),
-                *(
-                    scale(half, add(rotate_back(then, axis), rotate_back(now, axis)))
-                    for axis in AXES
-                ),
-                *(scale(half, self._moved(axis, q, b)) for axis in AXES),
-                *(
-                    scale(half * coil, self._moved(axis, q, b))
-                    for axis, coil in zip(coil_axes, self._coils, strict=True)
-                ),
-                *(
-                    scale(
-                        half * torque,
-                        add(rotate_back(self._q, axis), rotate_back(q, axis)),
-                    )
-                    for axis, torque in zip(AXES, self._reached(), strict=True)
-                ),
-                *(scale(half, _weighted(c0, then, c1, now, axis)) for axis in AXES),
-                *(scale(half, _weighted(s0, then, s1, now, axis)) for axis in AXES),
-            )
-        )
-
-    def _latitude(self, r: Vec3) -> tuple[float, float]:
-        """Return cosine and sine of the argument of latitude of r (m).
-
-        The orbit is the present one.
-        """
-        orbit = elements_from_state(self.r_eci, self.v_eci)
-        node, ahead, _ = orbit_plane(orbit.inclination, orbit.raan)
-        size = norm(r)
-        return dot(r, node) / size, dot(r, ahead) / size
-
-    def _moved(self, axis: Vec3, q: Vec4, b: Vec3) -> Vec3:
-        """Sum axis x B (T, eci) of the previous sample and of this one.
-
-        q and b (T, eci) are those of this sample; axis: body.
-        """
-        then = cross(rotate_back(self._q, axis), self._b_eci)
-        return add(then, cross(rotate_back(q, axis), b))
-
-    def _axes(self) -> tuple[tuple[Vec3, Vec3, Vec3], tuple[Vec3, Vec3, Vec3], Vec3]:
+    def _axes(self) -> tuple[predictive.Vectors, predictive.Vectors, Table]:
         """Return three commands (1, body) whose coils' energies add up.
 
         Also the dipole that a unit of each really gives (1, body), and the limit of
         each (A m2).
         """
         p, e = self._to_coils, self.effectiveness
-        xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        price = predictive.ZERO_MATRIX
         for i in range(4):
             w = max(e[i] * e[i], LEAST_ENERGY)
-            a, b, c = p[3 * i], p[3 * i + 1], p[3 * i + 2]
-            xx, xy, xz = xx + w * a * a, xy + w * a * b, xz + w * a * c
-            yy, yz, zz = yy + w * b * b, yz + w * b * c, zz + w * c * c
-        least = LEAST_EIGENVALUE * (xx + yy + zz) / 3.0
+            row = (p[3 * i], p[3 * i + 1], p[3 * i + 2])
+            price = matrix.add_square(price, row, w)
+        least = LEAST_EIGENVALUE * (price[0] + price[4] + price[8]) / 3.0
         # R = L L', the commands are the columns of L'^-1
-        l11 = sqrt(xx + least)
-        l21, l31 = xy / l11, xz / l11
-        l22 = sqrt(yy + least - l21 * l21)
-        l32 = (yz - l31 * l21) / l22
-        l33 = sqrt(zz + least - l31 * l31 - l32 * l32)
-        first = (1.0 / l11, 0.0, 0.0)
-        second = (-l21 / (l11 * l22), 1.0 / l22, 0.0)
-        third = (
-            (l21 * l32 - l31 * l22) / (l11 * l22 * l33),
-            -l32 / (l22 * l33),
-            1.0 / l33,
+        l11, _, _, l21, l22, _, l31, l32, l33 = predictive.root(
+            matrix.add(price, matrix.scale(least, IDENTITY))
         )
-        dipoles = (
-            self._effective_dipole(to_wheels(p, first)),
-            self._effective_dipole(to_wheels(p, second)),
-            self._effective_dipole(to_wheels(p, third)),
+        commands = (
+            (1.0 / l11, 0.0, 0.0),
+            (-l21 / (l11 * l22), 1.0 / l22, 0.0),
+            (
+                (l21 * l32 - l31 * l22) / (l11 * l22 * l33),
+                -l32 / (l22 * l33),
+                1.0 / l33,
+            ),
         )
-        most = (self._reach(first), self._reach(second), self._reach(third))
-        return (first, second, third), dipoles, most
+        coils = tuple(to_wheels(p, command) for command in commands)
+        dipoles = tuple(self._effective_dipole(c) for c in coils)
+        return commands, dipoles, tuple(self._reach(c) for c in coils)
 
-    def _reach(self, command: Vec3) -> float:
-        """Return the largest multiple of a command (A m2) within the coils' limits."""
-        a, b, c, d = to_wheels(self._to_coils, command)
-        largest = max(abs(a), abs(b), abs(c), abs(d))
+    def _reach(self, coils: Vec4) -> float:
+        """Return the multiple (A m2) of commands to coils (1) that is within limits."""
+        largest = max(map(abs, coils))
         return self.m_limit / largest if largest > 1e-9 else 0.0
 
     def _dipole(self, b: Vec3, costate: Vec3) -> Vec3:
@@ -1016,203 +663,79 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         return m
 
     def _plan(
-        self, t: float, q: Vec4, lvlh: Vec4, turning: bool, x0: Vec3, off: Vec3
+        self, pointing: forecast.Pointing, orbit: float, x0: Vec3, off: Vec3
     ) -> None:
-        """Plan at t (s) with the attitude q, fixed to lvlh where `turning`.
+        """Plan with the attitude `pointing` on an orbit with the period `orbit` (s).
 
         x0: X (N m s, eci); off: the measured field minus that of the model (T, eci).
         """
-        count, dt = self._grid(t)
-        from_lvlh = product(q, inverse(lvlh))
-        # not unpacked, as that would put a second copy on the stack
-        ahead = self._forecast(t, q, from_lvlh, turning, off, count, dt)
-        if self.goal == EMPTY:
-            self._empty(count, x0, dt, ahead[0], ahead[1])
-        else:
-            self._hold(count, x0, dt, ahead[0], ahead[1], ahead[2], ahead[3])
 
-    def _grid(self, t: float) -> tuple[int, Table]:
-        """Return the number of intervals of a plan at t (s), and their lengths (s)."""
-        _, orbit = self._motion()
-        reach = self.horizon if self.horizon > 0.0 else ORBITS * orbit
-        if self.goal == EMPTY:
-            reach = self.end - t
-        dt = [0.0] * predictive.INTERVALS
-        period = self._period()
+        def field(r: Vec3, v: Vec3, at: float) -> Vec3:
+            """Compute the scaled model's B (T, eci)."""
+            return scale(self._field_scale, self._field(r, v, at))
+
+        holds, period = self.goal == HOLD, self._period()
+        reach = self.end - pointing.t
+        if holds:
+            reach = self.horizon if self.horizon > 0.0 else ORBITS * orbit
         longest = max(LONGEST_INTERVAL * orbit, period)
-        most = predictive.PATH_INTERVALS if self.goal == HOLD else predictive.INTERVALS
-        count, begin, size = 0, 0.0, period
-        while count < most and begin < reach - 0.5 * period:
-            dt[count] = size
-            begin += size
-            count += 1
-            if self.goal == HOLD:
-                size = min(2.0 * size, longest)
-            else:
-                # whole samples, as few in each as the remaining intervals allow
-                samples = int((reach - begin) / period + 0.5)
-                slots = max(most - count, 1)
-                size = period * float(max((samples + slots - 1) // slots, 1))
-        return count, tuple(dt)
-
-    def _forecast(
-        self,
-        t: float,
-        q: Vec4,
-        from_lvlh: Vec4,
-        turning: bool,
-        off: Vec3,
-        count: int,
-        dt: Table,
-    ) -> tuple[predictive.Vectors, predictive.Vectors, predictive.Vectors, float]:
-        """Predict drift and effects of the actuators in each interval.
-
-        Returns the change of X in each interval (N m s, eci), that by a unit of each
-        actuator, the wheels' axes at its end (eci), and n^2 / b^2 (1/(T2 s2)).
-        `from_lvlh`: body from lvlh.
-        """
-        drift = [ZERO] * predictive.INTERVALS
-        effect = [ZERO] * (predictive.ACTUATORS * predictive.INTERVALS)
-        wheel_axes = [ZERO] * (predictive.WHEELS * predictive.PATH_INTERVALS)
-        hold = self.goal == HOLD
-        each = predictive.COILS if hold else predictive.ACTUATORS
-        n, _ = self._motion()
-        a, e, inclination, raan, perigee, anomaly = elements_from_state(
-            self.r_eci, self.v_eci
-        )
-        to_perigee, onward = perifocal_axes(inclination, raan, perigee)
+        count, dt = forecast.lay_grid(reach, period, longest, holds)
         _, dipoles, _ = self._axes()
-        turn = cross(self.r_eci, self.v_eci)
-        before = self._bias(t, q, turn, dot(self.r_eci, self.r_eci), turning)
-        strength, weighted, begin = 0.0, 0.0, 0.0
-        for k in range(count):
-            step = dt[k]
-            push = ZERO
-            for point in (AT_1, AT_2):
-                at = begin + point * step
-                r, v = ellipse_state(a, e, anomaly + n * at, n, to_perigee, onward)
-                frame = lvlh_attitude(r, v)
-                pointing = self._attitude_ahead(t, at, q, from_lvlh, frame, turning)
-                b = scale(self._field_scale, self._field(r, v, t + at))
-                if k == 0:
-                    b = add(b, off)
-                push = add(push, scale(0.5 * step, self._torque(pointing, frame, r, b)))
-                vectors = self._effects(0.5 * step, pointing, b, dipoles)
-                for j in range(each):
-                    i = each * k + j
-                    effect[i] = add(effect[i], vectors[j])
-                squares = 0.25 * step * self._field_across(pointing, b)
-                strength += squares
-                weighted += squares * (norm(cross(r, v)) / dot(r, r)) ** 2
-            begin += step
-            r, v = ellipse_state(a, e, anomaly + n * begin, n, to_perigee, onward)
-            frame = lvlh_attitude(r, v)
-            pointing = self._attitude_ahead(t, begin, q, from_lvlh, frame, turning)
-            after = self._bias(t + begin, pointing, cross(r, v), dot(r, r), turning)
-            push = sub(push, sub(after, before))
-            before = after
-            drift[k] = push
-            for j in range(predictive.WHEELS if hold else 0):
-                w = self._to_wheels
-                axis = rotate_back(pointing, (w[3 * j], w[3 * j + 1], w[3 * j + 2]))
-                wheel_axes[predictive.WHEELS * k + j] = axis
-        return (
-            tuple(drift),
-            tuple(effect),
-            tuple(wheel_axes),
-            weighted * begin / max(strength * strength, 1e-60),
-        )
-
-    def _field_across(self, q: Vec4, b: Vec3) -> float:
-        """Sum |a_j x B|^2 (T2) of the coils in the field b (T, eci)."""
-        total = 0.0
-        for j in range(4):
-            axis = (self._live[j], self._live[4 + j], self._live[8 + j])
-            f = cross(rotate_back(q, axis), b)
-            total += dot(f, f)
-        return total
-
-    def _attitude_ahead(
-        self,
-        t: float,
-        ahead: float,
-        q: Vec4,
-        from_lvlh: Vec4,
-        lvlh: Vec4,
-        turning: bool,
-    ) -> Vec4:
-        """Return the attitude (body from eci) `ahead` (s) of t (s), where it is q.
-
-        lvlh: orientation of lvlh from eci then; other arguments as of `_forecast`.
-        """
-        rest = product(from_lvlh, lvlh) if turning else q
-        return slew.attitude_at(self._slew(), rest, t, t + ahead)
-
-    def _effects(
-        self, weight: float, q: Vec4, b: Vec3, dipoles: tuple[Vec3, Vec3, Vec3]
-    ) -> tuple[Vec3, ...]:
-        """Return the effect of each actuator on X at a point of an interval (eci).
-
-        Of a unit of each coil command over `weight` (s), in N m s / (A m2), whose
-        dipoles (body) are given; then of half a second of each thruster axis (N m s).
-        """
-        p, r, s = dipoles
         x, y, z = self.tau_level
         e, f, g = self.thruster_effectiveness
-        return (
-            scale(weight, cross(rotate_back(q, p), b)),
-            scale(weight, cross(rotate_back(q, r), b)),
-            scale(weight, cross(rotate_back(q, s), b)),
-            scale(0.5 * x * e, rotate_back(q, AXES[0])),
-            scale(0.5 * y * f, rotate_back(q, AXES[1])),
-            scale(0.5 * z * g, rotate_back(q, AXES[2])),
+        ahead = forecast.predict(
+            forecast.Craft(
+                self._inertia,
+                self._live,
+                dipoles,
+                (x * e, y * f, z * g),
+                self._to_wheels,
+                self.h_target_body,
+                self._seen,
+            ),
+            pointing,
+            self.r_eci,
+            self.v_eci,
+            field,
+            off,
+            count,
+            dt,
+            predictive.COILS if holds else predictive.ACTUATORS,
         )
+        if holds:
+            self._hold(count, x0, dt, ahead)
+        else:
+            self._empty(count, x0, dt, ahead)
 
-    def _hold(
-        self,
-        count: int,
-        x0: Vec3,
-        dt: Table,
-        drift: predictive.Vectors,
-        effect: predictive.Vectors,
-        wheel_axes: predictive.Vectors,
-        stiffness: float,
-    ) -> None:
+    def _hold(self, count: int, x0: Vec3, dt: Table, ahead: forecast.Forecast) -> None:
         """Plan a course of low momentum from X = x0 (N m s, eci) on."""
         _, _, limits = self._axes()
         share = self._momentum_share()
-        momentum = self.weights[0] * share * share * stiffness
+        momentum = self.weights[0] * share * share * ahead.stiffness
         problem = predictive.PathProblem(
             count,
             x0,
             dt,
-            drift,
-            effect,
+            ahead.drift,
+            ahead.effect,
             self.weights[1],
             limits,
-            wheel_axes,
+            ahead.wheel_axes,
             to_wheels(self._to_wheels, self.h_target_body),
             momentum,
+            0.0,
+            1.0,
         )
-        u, _, path, steps, _ = predictive.plan_path(
-            problem, predictive.NO_PLAN, 0.0, 1.0
-        )
+        u, _, path, steps, _ = predictive.plan_path(problem, predictive.NO_PLAN)
         largest = predictive.find_largest_momentum(problem, path)
         peak_scale = PEAK_SCALE * max(largest, self._peak(), 1e-9)
         peak = PEAK * momentum * peak_scale * peak_scale
         _, self._costate, _, more_steps, converged = predictive.plan_path(
-            problem, u, peak, peak_scale
+            predictive.penalise_peaks(problem, peak, peak_scale), u
         )
         self.plan_steps, self._failed = steps + more_steps, not converged
 
-    def _empty(
-        self,
-        count: int,
-        x0: Vec3,
-        dt: Table,
-        drift: predictive.Vectors,
-        effect: predictive.Vectors,
-    ) -> None:
+    def _empty(self, count: int, x0: Vec3, dt: Table, ahead: forecast.Forecast) -> None:
         """Plan dipole and pulses of the first interval so that X = x0 becomes zero.
 
         x0 in N m s, eci.
@@ -1222,18 +745,18 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         rest, reach, begin = x0, 0.0, 0.0
         for k in range(count):
             reach += dt[k]
-            rest = add(rest, drift[k])
+            rest = add(rest, ahead.drift[k])
         for k in range(count):
             fee[k] = self.weights[2] * (1.0 - PATIENCE * begin / reach)
             begin += dt[k]
-        level = max(self.tau_level[0], self.tau_level[1], self.tau_level[2], 1e-9)
+        level = max(max(self.tau_level), 1e-9)
         least = level * self.least_pulse
         weight = 10.0 * self.weights[2] / (level * least)
         near, stride = 0.01 * least, 0.5 * self.weights[2] / level
         problem = predictive.UnloadingProblem(
             count,
             rest,
-            effect,
+            ahead.effect,
             COIL_PRICE,
             limits,
             tuple(fee),
@@ -1246,14 +769,11 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             # the coils compensate the rounding of the pulses
             for j in range(3):
                 on = thrust[j] * self.sample_time / max(self.tau_level[j], 1e-9)
-                rest = add(rest, scale(on, effect[predictive.COILS + j]))
+                rest = add(rest, scale(on, ahead.effect[predictive.COILS + j]))
             problem = predictive.UnloadingProblem(
                 count,
                 rest,
-                effect,
-                COIL_PRICE,
-                limits,
-                tuple(fee),
+                *problem[2:6],
                 NO_FIRING,
                 weight,
             )
@@ -1270,53 +790,18 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         The first interval may take what the thrusters are seen to reach, a later one
         what is certain, so that a weaker thruster still has the time that it needs.
         """
+        shares, deviations, bounds = self._limits
         most = [0.0] * (predictive.THRUSTERS * predictive.INTERVALS)
         for j in range(predictive.THRUSTERS):
-            limit = self.thruster_limit[j] if self.tau_level[j] > 0.0 else 0.0
-            certain = thrust_limit.dependable(
-                limit, self._limit_deviation[j], self._limit_bound[j]
-            )
+            limit = shares[j] if self.tau_level[j] > 0.0 else 0.0
+            certain = thrust_limit.dependable(limit, deviations[j], bounds[j])
             for k in range(count):
                 share = certain if k > 0 else limit
                 most[predictive.THRUSTERS * k + j] = share * dt[k]
         return tuple(most)
-
-    def _bias(self, t: float, q: Vec4, turn: Vec3, size2: float, turning: bool) -> Vec3:
-        """Return the momentum (N m s, eci) that is not to be dumped at t (s).
-
-        It is that of the body's rotation, and the target. turn (m2/s): r x v; size2
-        (m2): r^2.
-        """
-        rate = rotate(q, scale(1.0 / size2, turn)) if turning else ZERO
-        rate = add(rate, slew.rate_at(self._slew(), t))
-        return rotate_back(q, add(mat_vec(self._inertia, rate), self.h_target_body))
-
-    def _torque(self, q: Vec4, lvlh: Vec4, r: Vec3, b: Vec3) -> Vec3:
-        """Compute the known torque (N m, eci) on the craft at r (m).
-
-        b (T, eci) is the field there.
-        """
-        x = self._seen
-        gravity = rotate_back(q, gravity_gradient(rotate(q, r), self._inertia))
-        dipole_torque = cross(rotate_back(q, learning.vector(x, learning.DIPOLE)), b)
-        c, s = self._latitude(r)
-        constant = learning.vector(x, learning.ORBITAL)
-        cosine = learning.vector(x, learning.WAVES)
-        sine = learning.vector(x, learning.WAVES + 3)
-        in_lvlh = add(add(constant, scale(c, cosine)), scale(s, sine))
-        inertial = learning.vector(x, learning.INERTIAL)
-        return add(
-            add(scale(x[learning.GRAVITY], gravity), inertial),
-            add(rotate_back(lvlh, in_lvlh), dipole_torque),
-        )
 
     def _pulse(self, on_time: float, axis: int) -> float:
         """Round an on-time (s) to whole pulses: mean torque (N m) over a sample."""
         count = int(abs(on_time) / self.least_pulse + 0.5)
         on = copysign(float(count) * self.least_pulse, on_time)
         return self.tau_level[axis] * on / self.sample_time
-
-
-def _weighted(p: float, first: Vec4, r: float, second: Vec4, axis: Vec3) -> Vec3:
-    """Return p and r times an axis of two frames (eci), added."""
-    return add(scale(p, rotate_back(first, axis)), scale(r, rotate_back(second, axis)))

@@ -31,7 +31,7 @@ from typing import NamedTuple
 
 from ..contract.block import Mat33, Table, Vec3
 from ..maths import kalman, matrix
-from ..maths.vector import IDENTITY, add, cross, inverse, mat_vec, scale, sub
+from ..maths.vector import AXES, IDENTITY, add, cross, inverse, mat_vec, scale, sub
 from . import rate_observer
 
 FIELD, INERTIA, COILS, COUPLING, STATES = 3, 6, 12, 15, 24  # where each part begins
@@ -40,7 +40,6 @@ UNDERWEIGHT = 0.2  # share of the state's part of an innovation's variance (Lear
 PRODUCTS = 0.2  # spread of a product of inertia over that of a moment
 BOUND = 4.0  # spreads from its first value at which a constant is held
 LEAST_MOMENT = 0.2  # share of its first value at which a moment is held
-_AXES: tuple[Vec3, Vec3, Vec3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 class Doubts(NamedTuple):
@@ -293,7 +292,7 @@ def _fill_constants(
             elapsed,
         )
     for i in range(3):
-        torque = scale(elapsed * dipole[i], cross(_AXES[i], b))
+        torque = scale(elapsed * dipole[i], cross(AXES[i], b))
         _fill_column(effects, COILS + i, mat_vec(inverted, torque), b, elapsed)
 
 

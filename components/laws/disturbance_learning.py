@@ -37,7 +37,7 @@ from typing import NamedTuple
 
 from ..contract.block import Table, Vec3, Vec4
 from ..maths import kalman
-from ..maths.vector import norm
+from ..maths.vector import ZERO, dot, norm, scale, sub
 from ..physics import atmosphere
 from ..physics.orbit import EARTH_RADIUS, MU, elements_from_state
 
@@ -56,15 +56,6 @@ CHANGED = 0.3  # least change of e or f that counts as a loss
 EXPECTED = 2.0
 DEAD = 0.5  # share of the failed coils that give nothing
 TURNED = 0.25  # share of the failed coils that give the opposite
-# First index in the evidence: of the mean innovation (N m, eci) and the candidates' mean
-# effects (N m by unit), then sums over `MEMORY` of their products, of the effects'
-# squares and of the innovation's; its excess over `EXPECTED` now, and over an orbit.
-PUSH, EFFECTS = 0, 3
-PRODUCTS = EFFECTS + 3 * CANDIDATES
-SQUARES = PRODUCTS + CANDIDATES
-TOTAL = SQUARES + CANDIDATES
-EXCESS, RECENT = TOTAL + 1, TOTAL + 2
-EVIDENCE = RECENT + 1
 # No actuator gives more than this multiple of its command, or of the opposite. Where a
 # coil is hardly driven, the filter cannot distinguish its effectiveness from the
 # craft's own dipole.
@@ -87,6 +78,24 @@ class Doubt(NamedTuple):
     understated: float
     expected: float  # as EXPECTED, of the effect of e
 
+
+class Evidence(NamedTuple):
+    """What the innovations of the last samples say of torques that are not modelled."""
+
+    torque: Vec3  # N m, eci: mean innovation over time
+    effects: tuple[Vec3, ...]  # N m by unit, eci: mean effect of each candidate
+    # sums over MEMORY, each times s, of torque . effect, effect^2 and torque^2
+    products: Table
+    squares: Table
+    total: float  # N2 m2 s
+    excess: float  # N2 m2: torque^2 beyond EXPECTED
+    recent: float  # N2 m2: its mean over an orbit
+
+
+NO_CANDIDATE: Table = (0.0,) * CANDIDATES
+NO_EVIDENCE = Evidence(
+    ZERO, (ZERO,) * CANDIDATES, NO_CANDIDATE, NO_CANDIDATE, 0.0, 0.0, 0.0
+)
 
 # While momentum is held, coils give little, and a torque in pulses is soon as large.
 HOLDING = Doubt(0.001, 3.5, 2.0)
@@ -190,7 +199,7 @@ def update(
     effects: Table,
     noise: float,
     walk: float,
-    errors: tuple[Vec3, Vec3, Vec3],
+    errors: tuple[Vec3, ...],
     deviations: Table,
     drift: float,
     doubted: int,
@@ -221,12 +230,7 @@ def update(
     doubted : int
         Index in x of an effectiveness that has changed, of `find_failure`; -1: none.
     """
-    state = [0.0] * STATES
-    covariance = [0.0] * (STATES * STATES)
-    for i in range(STATES):
-        state[i] = x[i]
-    for i in range(STATES * STATES):
-        covariance[i] = p[i]
+    state, covariance = list(x), list(p)
     if doubted >= 0:
         spread = max(deviations[doubted], SPREAD_ACTUATOR)
         covariance[STATES * doubted + doubted] += spread * spread
@@ -268,13 +272,8 @@ def judge(x: Table, p: Table, doubt: Doubt, suspected: Vec4) -> Table:
     that after a
     measurement of the mean e of the first three with the variance P_ee / (sum of w).
     """
-    state = [0.0] * STATES
-    covariance = [0.0] * (STATES * STATES)
+    state, covariance = list(x), list(p)
     column = [0.0] * STATES
-    for i in range(STATES):
-        state[i] = x[i]
-    for i in range(STATES * STATES):
-        covariance[i] = p[i]
     for j in range(COILS, THRUSTERS):
         variance = covariance[STATES * j + j]
         failed = SUSPECTED if suspected[j - COILS] > 0.0 else doubt.failed
@@ -359,24 +358,24 @@ def deviation_along(
 
 
 def gather(
-    evidence: Table,
+    evidence: Evidence,
     p: Table,
-    found: Vec3,
+    innovation: Vec3,
     effects: Table,
     passed: float,
     orbit: float,
     doubt: Doubt,
-) -> Table:
-    """Return the evidence after a sample, from zeros on.
+) -> Evidence:
+    """Return the evidence after a sample, from `NO_EVIDENCE` on.
 
     Parameters
     ----------
-    evidence : Table
-        EVIDENCE numbers, before it.
+    evidence : Evidence
+        Before it.
     p : Table
         Covariance (row-major) at its begin.
-    found : Vec3
-        The innovation, of `innovation` (N m s, eci).
+    innovation : Vec3
+        Of `innovation` (N m s, eci).
     effects : Table
         Of `causes`.
     passed, orbit : float
@@ -384,39 +383,47 @@ def gather(
     doubt : Doubt
         Of the coils.
     """
-    e = [0.0] * EVIDENCE
+    means = [ZERO] * CANDIDATES
+    products = [0.0] * CANDIDATES
+    squares = [0.0] * CANDIDATES
     share = min(passed / (SMOOTHED * orbit), 1.0)
-    for i in range(EVIDENCE):
-        e[i] = evidence[i]
-    for row in range(3):
-        e[PUSH + row] += share * (found[row] / passed - e[PUSH + row])
-        for j in range(CANDIDATES):
-            effect = effects[CAUSES * row + INERTIAL - MOMENTUM_STATES + j] / passed
-            i = EFFECTS + 3 * j + row
-            e[i] += share * (effect - e[i])
     memory = max(1.0 - passed / (MEMORY * orbit), 0.0)
-    power = _product(e, PUSH, PUSH)
+    torque = _average(evidence.torque, innovation, passed, share)
+    power = dot(torque, torque)
+    excess = power
     for j in range(CANDIDATES):
-        of = EFFECTS + 3 * j
-        e[PRODUCTS + j] = memory * e[PRODUCTS + j] + passed * _product(e, PUSH, of)
-        e[SQUARES + j] = memory * e[SQUARES + j] + passed * _product(e, of, of)
-    e[TOTAL] = memory * e[TOTAL] + passed * power
-    e[EXCESS] = power
-    for i in range(INERTIAL, WAVES):
-        of = EFFECTS + 3 * (i - INERTIAL)
+        i = INERTIAL + j
+        k = i - MOMENTUM_STATES
+        effect = (effects[k], effects[CAUSES + k], effects[2 * CAUSES + k])
+        effect = _average(evidence.effects[j], effect, passed, share)
+        square = dot(effect, effect)
+        means[j] = effect
+        products[j] = memory * evidence.products[j] + passed * dot(torque, effect)
+        squares[j] = memory * evidence.squares[j] + passed * square
         most = doubt.expected if COILS <= i < THRUSTERS else EXPECTED
-        e[EXCESS] -= most * most * p[STATES * i + i] * _product(e, of, of)
-    e[EXCESS] = max(e[EXCESS], 0.0)
-    e[RECENT] += min(passed / orbit, 1.0) * (e[EXCESS] - e[RECENT])
-    return tuple(e)
+        excess -= most * most * p[STATES * i + i] * square
+    excess = max(excess, 0.0)
+    return Evidence(
+        torque,
+        tuple(means),
+        tuple(products),
+        tuple(squares),
+        memory * evidence.total + passed * power,
+        excess,
+        evidence.recent + min(passed / orbit, 1.0) * (excess - evidence.recent),
+    )
 
 
-def _product(e: list[float], i: int, j: int) -> float:
-    """Return the scalar product of two vectors of the evidence, at i and at j."""
-    return e[i] * e[j] + e[i + 1] * e[j + 1] + e[i + 2] * e[j + 2]
+def _average(mean: Vec3, impulse: Vec3, passed: float, share: float) -> Vec3:
+    """Return a mean torque (N m) with a `share` of an impulse (N m s) in `passed` s."""
+    return (
+        mean[0] + share * (impulse[0] / passed - mean[0]),
+        mean[1] + share * (impulse[1] / passed - mean[1]),
+        mean[2] + share * (impulse[2] / passed - mean[2]),
+    )
 
 
-def find_failure(evidence: Table, x: Table, dipole: float) -> int:
+def find_failure(evidence: Evidence, x: Table, dipole: float) -> int:
     """Return the index in x of the effectiveness that has changed; -1: none.
 
     It has changed where the torque that is not modelled follows the actuator's
@@ -425,7 +432,7 @@ def find_failure(evidence: Table, x: Table, dipole: float) -> int:
 
     Parameters
     ----------
-    evidence : Table
+    evidence : Evidence
         Of `gather`.
     x : Table
         State of the filter.
@@ -444,7 +451,7 @@ def find_failure(evidence: Table, x: Table, dipole: float) -> int:
         j = i - INERTIAL
         share = _share(evidence, i, inf)
         if share > most:
-            change = evidence[PRODUCTS + j] / evidence[SQUARES + j]
+            change = evidence.products[j] / evidence.squares[j]
             if abs(change) > CHANGED and abs(x[i] + change) < MOST + CHANGED:
                 worst, most = i, share
     return worst
@@ -458,37 +465,37 @@ def suspect(suspected: Vec4, failed: int) -> Vec4:
     return (flags[0], flags[1], flags[2], flags[3])
 
 
-def _share(evidence: Table, i: int, most: float) -> float:
+def _share(evidence: Evidence, i: int, most: float) -> float:
     """Return the share of the torque's power that a change of x[i] explains.
 
     The change is `most` at most.
     """
     j = i - INERTIAL
-    product, square = abs(evidence[PRODUCTS + j]), evidence[SQUARES + j]
-    total = evidence[TOTAL]
+    product, square = abs(evidence.products[j]), evidence.squares[j]
+    total = evidence.total
     if square * total <= 0.0:
         return 0.0
     change = min(product / square, most)
     return change * (2.0 * product - change * square) / total
 
 
-def explain(evidence: Table, failed: int) -> Table:
+def explain(evidence: Evidence, failed: int) -> Evidence:
     """Return the evidence without the torque that a failed actuator explains.
 
     failed: of `find_failure`. What follows the commands is gathered anew.
     """
-    e = [0.0] * EVIDENCE
     j = failed - INERTIAL
-    change = evidence[PRODUCTS + j] / evidence[SQUARES + j]
-    rest = max(1.0 - _share(evidence, failed, inf), 0.0)
-    for i in range(EVIDENCE):
-        e[i] = evidence[i]
-    for i in range(PRODUCTS, RECENT):
-        e[i] = 0.0
-    for row in range(3):
-        e[PUSH + row] -= change * e[EFFECTS + 3 * j + row]
-    e[RECENT] *= rest
-    return tuple(e)
+    change = evidence.products[j] / evidence.squares[j]
+    remainder = max(1.0 - _share(evidence, failed, inf), 0.0)
+    return Evidence(
+        sub(evidence.torque, scale(change, evidence.effects[j])),
+        evidence.effects,
+        NO_CANDIDATE,
+        NO_CANDIDATE,
+        0.0,
+        0.0,
+        evidence.recent * remainder,
+    )
 
 
 def known_torque(x: Table) -> float:
@@ -499,9 +506,9 @@ def known_torque(x: Table) -> float:
     return total
 
 
-def unmodelled_torque(evidence: Table) -> float:
+def unmodelled_torque(evidence: Evidence) -> float:
     """Return the standard deviation of the torque that is not modelled (N m, an axis)."""
-    return sqrt(max(evidence[EXCESS], evidence[RECENT]) / 3.0)
+    return sqrt(max(evidence.excess, evidence.recent) / 3.0)
 
 
 def _correct(x: list[float], p: list[float], measured: Vec3, noise: float) -> float:

@@ -114,10 +114,12 @@ class PathProblem(NamedTuple):
     drift: Vectors  # D_k (N m s)
     effect: Vectors  # g_kj, COILS an interval (N m s by a unit of u)
     price: float  # r
-    limits: Vec3  # u_max,j
+    limits: Table  # u_max,j
     wheel_axes: Vectors  # a_ki, WHEELS an interval
     offset: Table  # b_i (N m s)
     stiffness: float  # q
+    peak: float  # w_p; 0: peaks have no cost
+    peak_scale: float  # h_s (N m s)
 
 
 class UnloadingProblem(NamedTuple):
@@ -127,7 +129,7 @@ class UnloadingProblem(NamedTuple):
     rest: Vec3  # X_0 + sum D, the momentum without the actuators (N m s)
     effect: Vectors  # g_kj, ACTUATORS an interval, coils first (N m s by a unit of u)
     price: float  # r of a second, and of a coil's whole dipole
-    limits: Vec3  # the coils' whole dipoles (A m2)
+    limits: Table  # the coils' whole dipoles (A m2)
     fee: Table  # c of the thrusters in each interval
     longest: Table  # u_max (s) of the thrusters, THRUSTERS an interval
     weight: float  # W
@@ -148,47 +150,35 @@ class Sweep(NamedTuple):
     step: Vectors  # S_k m_k + sum g u over the free actuators (N m s)
 
 
-def path_cost(
-    problem: PathProblem, k: int, x: Vec3, peak: float, peak_scale: float
-) -> float:
-    """Compute q |X|^2 / 2 + w_p sum (h_i / h_s)^16 at the end of interval k."""
-    cost = 0.5 * problem.stiffness * (x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
+def penalise_peaks(problem: PathProblem, peak: float, peak_scale: float) -> PathProblem:
+    """Return the problem with the weight w_p = `peak` and h_s = `peak_scale` (N m s)."""
+    return PathProblem(*problem[:-2], peak, peak_scale)
+
+
+def path_cost_derivatives(problem: PathProblem, k: int, x: Vec3) -> tuple[Vec3, Mat33]:
+    """Compute gradient and Hessian of the path's cost at X_k+1 = x (N m s).
+
+    The cost is q |X|^2 / 2 + w_p sum (h_i / h_s)^16.
+    """
+    peak, peak_scale = problem.peak, problem.peak_scale
+    gradient = scale(problem.stiffness, x)
+    hessian = matrix.scale(problem.stiffness, IDENTITY)
     if peak > 0.0:
         for i in range(WHEELS):
             axis = problem.wheel_axes[WHEELS * k + i]
-            h = axis[0] * x[0] + axis[1] * x[1] + axis[2] * x[2] + problem.offset[i]
-            s = h / peak_scale
-            s2 = s * s
-            s4 = s2 * s2
-            s8 = s4 * s4
-            cost += peak * s8 * s8
-    return cost
-
-
-def path_cost_derivatives(
-    problem: PathProblem, k: int, x: Vec3, peak: float, peak_scale: float
-) -> tuple[Vec3, Mat33]:
-    """Compute the gradient and the Hessian of `path_cost` with respect to X."""
-    q = problem.stiffness
-    gx, gy, gz = q * x[0], q * x[1], q * x[2]
-    xx, xy, xz, yy, yz, zz = q, 0.0, 0.0, q, 0.0, q
-    if peak > 0.0:
-        for i in range(WHEELS):
-            a, b, c = problem.wheel_axes[WHEELS * k + i]
-            s = (a * x[0] + b * x[1] + c * x[2] + problem.offset[i]) / peak_scale
+            s = (dot(axis, x) + problem.offset[i]) / peak_scale
             s2 = s * s
             s4 = s2 * s2
             s14 = s4 * s4 * s4 * s2
             first = POWER * peak / peak_scale * s14 * s
             second = POWER * (POWER - 1.0) * peak / (peak_scale * peak_scale) * s14
-            gx, gy, gz = gx + first * a, gy + first * b, gz + first * c
-            xx, xy, xz = xx + second * a * a, xy + second * a * b, xz + second * a * c
-            yy, yz, zz = yy + second * b * b, yz + second * b * c, zz + second * c * c
-    return (gx, gy, gz), (xx, xy, xz, xy, yy, yz, xz, yz, zz)
+            gradient = add(gradient, scale(first, axis))
+            hessian = matrix.add_square(hessian, axis, second)
+    return gradient, hessian
 
 
 def plan_path(
-    problem: PathProblem, first: Table, peak: float, peak_scale: float
+    problem: PathProblem, first: Table
 ) -> tuple[Table, Vec3, Vectors, int, bool]:
     """Plan dipoles u that minimise J, beginning with the plan `first`.
 
@@ -198,8 +188,6 @@ def plan_path(
         Intervals, actuators and costs.
     first : Table
         COILS values an interval (A m2); those beyond the limits are limited.
-    peak, peak_scale : float
-        w_p, and h_s (N m s).
 
     Returns
     -------
@@ -211,16 +199,16 @@ def plan_path(
     trial_u = [0.0] * (COILS * PATH_INTERVALS)
     path: list[Vec3] = [ZERO] * PATH_INTERVALS
     trial_path: list[Vec3] = [ZERO] * PATH_INTERVALS
-    cost = _follow_plan(problem, first, peak, peak_scale, u, path)
+    cost = _follow_plan(problem, first, u, path)
     steps, converged = 0, False
     while steps < STEPS and not converged:
         steps += 1
-        sweep = _sweep_backward(problem, peak, peak_scale, u, path)
+        sweep = _sweep_backward(problem, u, path)
         fraction, trial_cost = 1.0, cost
         improved, is_flat = False, False
         for _ in range(HALVINGS):
             trial_cost = _sweep_forward(
-                problem, peak, peak_scale, fraction, sweep, u, path, trial_u, trial_path
+                problem, fraction, sweep, u, path, trial_u, trial_path
             )
             if trial_cost < cost:
                 improved = True
@@ -239,7 +227,7 @@ def plan_path(
     costate = ZERO
     for step_back in range(problem.intervals):
         k = problem.intervals - 1 - step_back
-        slope, _ = path_cost_derivatives(problem, k, path[k], peak, peak_scale)
+        slope, _ = path_cost_derivatives(problem, k, path[k])
         costate = add(costate, scale(problem.dt[k], slope))
     return tuple(u), costate, tuple(path), steps, converged
 
@@ -255,28 +243,26 @@ def _next_momentum(problem: PathProblem, k: int, x: Vec3, u: list[float]) -> Vec
 
 
 def _add_interval_cost(
-    cost: float,
-    problem: PathProblem,
-    k: int,
-    u: list[float],
-    x: Vec3,
-    peak: float,
-    peak_scale: float,
+    cost: float, problem: PathProblem, k: int, u: list[float], x: Vec3
 ) -> float:
     """Return `cost` plus that of interval k, with x = X_k+1 (N m s)."""
     for j in range(COILS):
         v = u[COILS * k + j]
         cost += problem.dt[k] * (0.5 * problem.price * v * v)
-    return cost + problem.dt[k] * path_cost(problem, k, x, peak, peak_scale)
+    path = 0.5 * problem.stiffness * dot(x, x)
+    if problem.peak > 0.0:
+        for i in range(WHEELS):
+            axis = problem.wheel_axes[WHEELS * k + i]
+            s = (dot(axis, x) + problem.offset[i]) / problem.peak_scale
+            s2 = s * s
+            s4 = s2 * s2
+            s8 = s4 * s4
+            path += problem.peak * s8 * s8
+    return cost + problem.dt[k] * path
 
 
 def _follow_plan(
-    problem: PathProblem,
-    first: Table,
-    peak: float,
-    peak_scale: float,
-    u: list[float],
-    path: list[Vec3],
+    problem: PathProblem, first: Table, u: list[float], path: list[Vec3]
 ) -> float:
     """Fill `u` with the plan `first` within its limits, and `path`; return J."""
     cost, x = 0.0, problem.start
@@ -287,17 +273,11 @@ def _follow_plan(
             u[i] = min(max(first[i], -limit), limit)
         x = _next_momentum(problem, k, x, u)
         path[k] = x
-        cost = _add_interval_cost(cost, problem, k, u, x, peak, peak_scale)
+        cost = _add_interval_cost(cost, problem, k, u, x)
     return cost
 
 
-def _sweep_backward(
-    problem: PathProblem,
-    peak: float,
-    peak_scale: float,
-    u: list[float],
-    path: list[Vec3],
-) -> Sweep:
+def _sweep_backward(problem: PathProblem, u: list[float], path: list[Vec3]) -> Sweep:
     """Expand J to second order about the plan u and minimise it from the end on.
 
     With b_k = sum g u over the free actuators,
@@ -313,7 +293,7 @@ def _sweep_backward(
     costate = ZERO  # dJ / dX along the plan as it is
     for step_back in range(problem.intervals):
         k = problem.intervals - 1 - step_back
-        slope, curvature = path_cost_derivatives(problem, k, path[k], peak, peak_scale)
+        slope, curvature = path_cost_derivatives(problem, k, path[k])
         slope = scale(problem.dt[k], slope)
         costate = add(costate, slope)
         gradient = add(value_gradient, slope)
@@ -350,17 +330,15 @@ def _sum_free_effects(
     problem: PathProblem, k: int, u: list[float], free: list[float]
 ) -> tuple[Mat33, Vec3]:
     """Return S_k = sum g g' / (r dt_k) and sum g u over the free actuators."""
-    xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    total = ZERO
+    square, total = ZERO_MATRIX, ZERO
     w = 1.0 / (problem.dt[k] * problem.price)
     for j in range(COILS):
         i = COILS * k + j
         if free[i] != 0.0:
-            a, b, c = problem.effect[i]
-            total = add(total, scale(u[i], problem.effect[i]))
-            xx, xy, xz = xx + w * a * a, xy + w * a * b, xz + w * a * c
-            yy, yz, zz = yy + w * b * b, yz + w * b * c, zz + w * c * c
-    return (xx, xy, xz, xy, yy, yz, xz, yz, zz), total
+            effect = problem.effect[i]
+            total = add(total, scale(u[i], effect))
+            square = matrix.add_square(square, effect, w)
+    return square, total
 
 
 def _solve_interval(hessian: Mat33, effect: Mat33) -> tuple[Mat33, Mat33]:
@@ -380,8 +358,6 @@ def _solve_interval(hessian: Mat33, effect: Mat33) -> tuple[Mat33, Mat33]:
 
 def _sweep_forward(
     problem: PathProblem,
-    peak: float,
-    peak_scale: float,
     fraction: float,
     sweep: Sweep,
     u: list[float],
@@ -414,7 +390,7 @@ def _sweep_forward(
         x = _next_momentum(problem, k, x, new_u)
         new_path[k] = x
         change = sub(x, path[k])
-        cost = _add_interval_cost(cost, problem, k, new_u, x, peak, peak_scale)
+        cost = _add_interval_cost(cost, problem, k, new_u, x)
     return cost
 
 
@@ -495,7 +471,7 @@ def _evaluate_dual(
     """
     w = 1.0 / problem.weight
     gradient = sub(problem.rest, scale(w, costate))
-    xx, xy, xz, yy, yz, zz = w, 0.0, 0.0, w, 0.0, w
+    hessian = matrix.scale(w, IDENTITY)
     for i in range(ACTUATORS * problem.intervals):
         k, j = i // ACTUATORS, i % ACTUATORS
         if j < COILS:
@@ -505,21 +481,20 @@ def _evaluate_dual(
             limit = problem.longest[THRUSTERS * k + j - COILS]
             deadband = problem.fee[k]
             unit = 1.0
-        pull = dot(problem.effect[i], costate)
+        effect = problem.effect[i]
+        pull = dot(effect, costate)
         excess = abs(pull) - deadband
         r = stage * (problem.price / unit)
         v = 0.0
         if excess > 0.0 and limit > 0.0:
             v = excess / r
             if v < limit:
-                a, b, c = problem.effect[i]
-                xx, xy, xz = xx + a * a / r, xy + a * b / r, xz + a * c / r
-                yy, yz, zz = yy + b * b / r, yz + b * c / r, zz + c * c / r
+                hessian = matrix.add_square(hessian, effect, 1.0, r)
             v = min(v, limit)
             v = -v if pull > 0.0 else v
-            gradient = add(gradient, scale(v, problem.effect[i]))
+            gradient = add(gradient, scale(v, effect))
         u[i] = v
-    return gradient, (xx, xy, xz, xy, yy, yz, xz, yz, zz)
+    return gradient, hessian
 
 
 def find_largest_momentum(problem: PathProblem, path: Vectors) -> float:

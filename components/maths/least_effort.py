@@ -14,10 +14,9 @@ from __future__ import annotations
 from math import inf
 
 from ..contract.block import BlockError, Vec3
-from .vector import dot, inverse, mat_t_vec, mat_vec, norm, scale, sub
+from .vector import AXES, dot, inverse, mat_t_vec, mat_vec, norm, scale, sub
 
 COLUMNS = 3600  # maximum number of columns
-_AXES: tuple[Vec3, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 _FIT = 1e-12  # tolerance of the equations, relative to the goal (and to 1)
 # A column that changes by less, relative to its length, counts as stationary.
 _PIVOT = 1e-11
@@ -55,7 +54,7 @@ def least_effort(
     basis, kink = [-1, -2, -3], [0.0, 0.0, 0.0]
     allowed = _FIT * max(norm(goal), 1.0)
     for exchange in range(_MOST_EXCHANGES):
-        p, q, r = (columns[j] if j >= 0 else _AXES[-1 - j] for j in basis)
+        p, q, r = (columns[j] if j >= 0 else AXES[-1 - j] for j in basis)
         to_basis = inverse((p[0], q[0], r[0], p[1], q[1], r[1], p[2], q[2], r[2]))
         rest = goal
         for j in range(n):
@@ -73,7 +72,7 @@ def least_effort(
             kink[2] * cost[basis[2]] if basis[2] >= 0 else 0.0,
         )
         price = mat_t_vec(to_basis, held)
-        step = scale(turn, mat_t_vec(to_basis, _AXES[leaving]))
+        step = scale(turn, mat_t_vec(to_basis, AXES[leaving]))
         stiff = _PIVOT * norm(step)
         out = basis[leaving]
         if out >= 0:  # it stays at the bound that it exceeds: `most` or 0

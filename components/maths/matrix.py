@@ -65,6 +65,24 @@ def subtract(p: Mat33, q: Mat33) -> Mat33:
     )
 
 
+def add_square(m: Mat33, v: Vec3, weight: float, divisor: float = 1.0) -> Mat33:
+    """Return m + weight v v' / divisor of a symmetric m, which stays so to the bit."""
+    a, b, c = v
+    xy, xz = m[1] + weight * a * b / divisor, m[2] + weight * a * c / divisor
+    yz = m[5] + weight * b * c / divisor
+    return (
+        m[0] + weight * a * a / divisor,
+        xy,
+        xz,
+        xy,
+        m[4] + weight * b * b / divisor,
+        yz,
+        xz,
+        yz,
+        m[8] + weight * c * c / divisor,
+    )
+
+
 def scale(s: float, m: Mat33) -> Mat33:
     """Multiply a matrix by a number: s m."""
     return (

@@ -11,6 +11,7 @@ from math import cos, sin, sqrt
 from ..contract.block import Mat33, Vec3
 
 ZERO: Vec3 = (0.0, 0.0, 0.0)
+AXES: tuple[Vec3, Vec3, Vec3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 IDENTITY: Mat33 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
 

@@ -265,6 +265,19 @@ def elements_from_state(r_eci: Vec3, v_eci: Vec3, mu: float = MU) -> Elements:
     return Elements(a, e, inclination, raan, perigee, anomaly - e_sin)
 
 
+def orbit_motion(r_eci: Vec3, v_eci: Vec3) -> tuple[float, float]:
+    """Return rate (rad/s) and period (s) of the orbit through r (m) with v (m/s)."""
+    n = mean_motion(elements_from_state(r_eci, v_eci).semi_major_axis)
+    return n, 2.0 * pi / n
+
+
+def latitude_of(orbit: Elements, r_eci: Vec3) -> tuple[float, float]:
+    """Return cosine and sine of the argument of latitude of a point r (m) of an orbit."""
+    node, ahead, _ = orbit_plane(orbit.inclination, orbit.raan)
+    size = norm(r_eci)
+    return dot(r_eci, node) / size, dot(r_eci, ahead) / size
+
+
 def state_from_elements(elements: Elements, mu: float = MU) -> tuple[Vec3, Vec3]:
     """Compute r (m) and v (m/s) on the ellipse of the elements, at their time."""
     a, e, i, raan, perigee, anomaly = elements

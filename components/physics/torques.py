@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from math import sqrt
 
-from ..contract.block import BlockError, Mat33, Table, Vec3
+from ..contract.block import BlockError, Mat33, Table, Vec3, Vec4
+from ..maths.attitude import rotate, rotate_back
 from ..maths.vector import ZERO, cross, dot, mat_vec, norm, scale, sub, unit
 from .orbit import MU
 
@@ -37,6 +38,14 @@ def gravity_gradient(r: Vec3, inertia: Mat33) -> Vec3:
     size2 = x * x + y * y + z * z
     g = 3.0 * MU / (size2 * size2 * sqrt(size2))
     return (g * (y * jz - z * jy), g * (z * jx - x * jz), g * (x * jy - y * jx))
+
+
+def gravity_gradient_eci(r_eci: Vec3, q_bi: Vec4, inertia: Mat33) -> Vec3:
+    """Compute the gravity-gradient torque (N m, eci) at r (m) and an attitude.
+
+    inertia (kg m2): in the body frame.
+    """
+    return rotate_back(q_bi, gravity_gradient(rotate(q_bi, r_eci), inertia))
 
 
 def drag(v: Vec3, density: float, area_cd: float, centre: Vec3) -> Vec3:

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from desat.components.blocks.manager_predictive import ManagerPredictive
 from desat.components.contract.block import BlockError
 from desat.components.laws import disturbance_learning as learning
-from desat.components.laws import predictive, slew, thrust_limit
+from desat.components.laws import momentum_observer, predictive, slew, thrust_limit
 from desat.components.maths.attitude import inverse, product, propagated
 from desat.components.physics import atmosphere, orbit, torques
 from desat.runs.run import Options, execute
@@ -48,13 +48,14 @@ def test_planned_path_is_the_least(seed: int, most: float, peak: float) -> None:
         wheel_axes=draw_vectors(4 * H, 1.0),
         offset=bias,
         stiffness=q,
+        peak=0.0,
+        peak_scale=1.0,
     )
-    first, _, path, _, converged = predictive.plan_path(
-        problem, predictive.NO_PLAN, 0.0, 1.0
-    )
+    first, _, path, _, converged = predictive.plan_path(problem, predictive.NO_PLAN)
     assert converged
     size = 0.85 * predictive.find_largest_momentum(problem, path)
-    u, costate, path, _, converged = predictive.plan_path(problem, first, peak, size)
+    problem = predictive.penalise_peaks(problem, peak, size)
+    u, costate, path, _, converged = predictive.plan_path(problem, first)
     assert converged
     dt = np.array(lengths)[:count]
     g = np.array(problem.effect).reshape(H, 3, 3)[:count]
@@ -334,7 +335,7 @@ def test_evidence_is_what_innovations_have_beyond_uncertain_effects(
     memory = 1.0 - passed / (orbit / 3.0)
     candidates = effects[:, 1:17] / passed
     found = 0.2 * random.normal(size=(2, 3))
-    evidence: tuple[float, ...] = (0.0,) * learning.EVIDENCE
+    evidence = learning.NO_EVIDENCE
     for seen in found:
         evidence = learning.gather(
             evidence, table(p), tuple(seen), table(effects), passed, orbit, doubt
@@ -345,18 +346,19 @@ def test_evidence_is_what_innovations_have_beyond_uncertain_effects(
     excess = np.maximum((push**2).sum(axis=1) - explained.sum(), 0.0)
     assert excess.min() > 0.0
     decays = np.array([memory, 1.0]) * passed
-    expected = np.concatenate(
-        [
-            push[1],
-            candidates.T.ravel(),
-            decays @ push @ candidates,
-            decays.sum() * (candidates**2).sum(axis=0),
-            [decays @ (push**2).sum(axis=1), excess[1]],
-            [passed / orbit * (excess[1] + (1.0 - passed / orbit) * excess[0])],
-        ]
+    recent = passed / orbit * (excess[1] + (1.0 - passed / orbit) * excess[0])
+    expected = learning.Evidence(
+        push[1],
+        candidates.T,
+        decays @ push @ candidates,
+        decays.sum() * (candidates**2).sum(axis=0),
+        decays @ (push**2).sum(axis=1),
+        excess[1],
+        recent,
     )
-    assert evidence == pytest.approx(expected, rel=1e-9, abs=0.0)
-    size = math.sqrt(max(excess[1], expected[-1]) / 3.0)
+    for part, expected_part in zip(evidence, expected, strict=True):
+        assert np.array(part) == pytest.approx(expected_part, rel=1e-9, abs=0.0)
+    size = math.sqrt(max(excess[1], recent) / 3.0)
     assert learning.unmodelled_torque(evidence) == pytest.approx(size, rel=1e-9)
 
 
@@ -364,16 +366,23 @@ def test_what_a_failure_explains_is_taken_off_the_evidence() -> None:
     """A coil of effect (1, 2, 2) whose change of -0.5 explains all but a tenth."""
     i = learning.COILS + 1
     j = i - learning.INERTIAL
-    e = [0.0] * learning.EVIDENCE
-    e[0:3] = [-0.5, -1.0, -1.0]
-    e[learning.EFFECTS + 3 * j : learning.EFFECTS + 3 * j + 3] = [1.0, 2.0, 2.0]
-    e[learning.PRODUCTS + j], e[learning.SQUARES + j] = -4.5, 9.0
-    e[learning.TOTAL], e[learning.EXCESS], e[learning.RECENT] = 2.5, 1.0, 3.0
-    found = learning.explain(tuple(e), i)
-    assert found[0:3] == (0.0, 0.0, 0.0)
-    assert found[3 : learning.PRODUCTS] == tuple(e[3 : learning.PRODUCTS])
-    assert not any(found[learning.PRODUCTS : learning.RECENT])
-    assert found[learning.RECENT] == pytest.approx(0.3)
+    effects = [(0.0, 0.0, 0.0)] * learning.CANDIDATES
+    products, squares = [0.0] * learning.CANDIDATES, [0.0] * learning.CANDIDATES
+    effects[j], products[j], squares[j] = (1.0, 2.0, 2.0), -4.5, 9.0
+    evidence = learning.Evidence(
+        (-0.5, -1.0, -1.0),
+        tuple(effects),
+        tuple(products),
+        tuple(squares),
+        total=2.5,
+        excess=1.0,
+        recent=3.0,
+    )
+    rest = learning.explain(evidence, i)
+    assert rest.torque == (0.0, 0.0, 0.0)
+    assert rest.effects == evidence.effects
+    assert not any((*rest.products, *rest.squares, rest.total, rest.excess))
+    assert rest.recent == pytest.approx(0.3)
 
 
 CHANGES = {"coil": 1.0, "steady": 2.0}
@@ -385,7 +394,7 @@ def test_only_what_follows_a_command_is_a_lost_coil(cause: str) -> None:
     steadily, so that only a dipole beyond its prior looks the same, of a pulse, of a dipole.
     """
     draw, orbit, passed = random.Random(5), 5700.0, 10.0
-    evidence: tuple[float, ...] = (0.0,) * learning.EVIDENCE
+    evidence = learning.NO_EVIDENCE
     p, x = (0.0,) * learning.STATES**2, learning.first_state((0.0, 0.0, 0.0))
     failures, largest = [], 0.0
     for k in range(570):
@@ -668,11 +677,12 @@ def test_a_lost_filter_starts_anew_and_says_so() -> None:
     for k in range(4):
         block.b_body = block.field_eci(block.r_eci, 10.0 * k, igrf=False)
         if k == 2:
-            block._p = (-1.0,) * len(block._p)
+            known = momentum_observer.Filter(*block._filter)
+            block._filter = known._replace(p=(-1.0,) * len(known.p))
         block.compute(10.0 * k, 10.0)
         counts.append(block.filter_restarts)
     assert counts == [0, 0, 1, 1]
-    variances = np.diag(np.reshape(block._p, (learning.STATES, -1)))
+    variances = np.diag(np.reshape(block._filter.p, (learning.STATES, -1)))
     assert (variances > 0.0).all()
 
 
