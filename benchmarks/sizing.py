@@ -274,7 +274,7 @@ def compare_model_with_loop(
     rows = []
     for k, rod in enumerate(rods):
         model = SizingPoint(law.name, rod, multiples[k], None, None, None, None)
-        loop_point = in_the_loop(model, source, options)
+        loop_point = in_the_loop(model, source, options, system)
         assert loop_point.loop_duty is not None
         rows.append(
             Row(

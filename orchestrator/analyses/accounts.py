@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from desat.components.contract.roles import Manager
-from desat.fmus.registry import block_class, names
 
 from ..system.model import Component, System
 from ..system.sensors import KNOWN, noise_of
@@ -71,7 +70,7 @@ def _told_noise(c: Component) -> dict[str, str]:
 
     A parameter of such a name may be another quantity, as a random walk.
     """
-    block = block_class(c.interface.model) if c.interface.model in names() else None
+    block = c.block
     laws = block.offers if block is not None and issubclass(block, Manager) else ()
     return {
         key: str(rule).removeprefix("craft.")

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from desat.components.contract.roles import Manager
-from desat.fmus.registry import block_class, names
 
 from ..language.content import content_of
 from ..system.craft import RigidBody, craft_of
@@ -82,12 +81,9 @@ def _is_closed(
     system: System, body: RigidBody, controller: Component, manager: Component
 ) -> bool:
     """Return whether our controller and manager close the attitude loop by the wheels."""
-    if (
-        controller.interface.model not in CONTROLLERS
-        or manager.interface.model not in names()
-    ):
+    if controller.model not in CONTROLLERS or manager.block is None:
         return False
-    block = block_class(manager.interface.model)
+    block = manager.block
     if not issubclass(block, Manager) or not block.passes_torque:
         return False
     wheels = body.wheels.component
@@ -127,7 +123,7 @@ def conditions(
 def _full(system: System, body: RigidBody) -> tuple[Array, str]:
     """Return the largest momenta (m,) N m s of the wheels, and what limits them."""
     each, manager = body.wheels.capacities, craft_of(system).manager
-    if manager is not None and manager.interface.model == "manager_threshold":
+    if manager is not None and manager.model == "manager_threshold":
         each = np.minimum(each, manager.values["begin"])
         return each, "with the wheels where dumps begin"
     return each, "with full wheels"

@@ -104,7 +104,7 @@ def applies(system: System) -> EnergyParts | None:
     if parts is None:
         return None
     body = system.components[parts.spacecraft]
-    if body.interface.model != residual.BLOCK:
+    if body.model != residual.BLOCK:
         reason = f"{body.name} is no {residual.BLOCK} of ours: its energy and torques are not known"
         declared = (
             f"{body.name}.{DECLARED}" if DECLARED in body.interface.signals else None

@@ -46,7 +46,7 @@ PARTS = FixedAttitudeParts
 def applies(system: System) -> FixedAttitudeParts | None:
     """Find the component with prescribed attitude, or None without one."""
     for c in system.components.values():
-        if c.interface.model == motion.FIXED:
+        if c.model == motion.FIXED:
             fed, reason = motion.feeds(system, c.name), ""
             if system.substeps != 1 or c.step_ratio > 1:
                 reason = f"a row has several steps of {c.name}, or a part of one"

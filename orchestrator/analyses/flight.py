@@ -221,11 +221,7 @@ def hardware_of(system: System) -> Hardware:
 def _failed(system: System) -> NDArray[np.bool_]:
     """Return which wheels (4,) fail before the run ends."""
     wheels, failed = system.roles.get("wheels"), np.zeros(4, bool)
-    if (
-        wheels is None
-        or "failed" not in wheels.values
-        or wheels.interface.model not in names()
-    ):
+    if wheels is None or "failed" not in wheels.values or wheels.block is None:
         return failed
     named = wheels.choice("failed")
     if named != "none" and wheels.values.get("failed_from", 0.0) < system.stop:
@@ -395,7 +391,7 @@ def attitude_of(system: System, q: Array, r: Array, v: Array) -> Attitude:
     (n, 4) at r (n, 3) m with v (n, 3) m/s are used.
     """
     guide = system.roles.get("guidance")
-    if guide is not None and (kind := GUIDED.get(guide.interface.model)):
+    if guide is not None and (kind := GUIDED.get(guide.model)):
         return Attitude(kind, (0.0, 0.0, 0.0, 1.0), 0.0)
     count = min(len(q), len(r), len(v))
     rows = slice(count // 4, count, max(1, count // 2000))
@@ -440,7 +436,7 @@ def wanted_attitude(system: System) -> Attitude:
         "guidance_nadir": ("nadir", "q_bo"),
         "guidance_inertial": ("inertial", "q_target_bi"),
     }
-    model = "" if guide is None else guide.interface.model
+    model = "" if guide is None else guide.model
     if guide is not None and model in GUIDED:
         return Attitude(GUIDED[model], (0.0, 0.0, 0.0, 1.0), 0.0)
     if guide is None or model not in guidance:
@@ -463,7 +459,7 @@ def environment_block(component: Component, changes: Values | None = None) -> Bl
         If the environment cannot be flown by itself: it is not our block, it integrates
         its orbit, or it lacks a parameter that is changed.
     """
-    model = component.interface.model
+    model = component.model
     if model not in names() or model == _MOVES:
         reason = (
             "it integrates its orbit" if model == _MOVES else "it is no block of ours"

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from desat.components.contract.block import BlockError
 from desat.components.contract.roles import Manager
-from desat.fmus.registry import block_class, names
 
 from ..language.content import content_of
 from ..numbers.derived import (
@@ -206,9 +205,9 @@ def _holds(law: Component) -> bool:
     signals = law.interface.signals
     if "enable" in signals and not law.values["enable"]:
         return False
-    if law.interface.model not in names():
+    if law.block is None:
         return True
-    block = block_class(law.interface.model)
+    block = law.block
     if not issubclass(block, Manager) or block.no_law or not block.offers:
         return False
     first, *others = (
@@ -221,7 +220,7 @@ def _holds(law: Component) -> bool:
 
 def is_braking(law: Component) -> bool:
     """Return whether a manager block of ours detumbles the craft."""
-    block = block_class(law.interface.model) if law.interface.model in names() else None
+    block = law.block
     return block is not None and issubclass(block, Manager) and block.brakes
 
 
@@ -234,7 +233,7 @@ def warnings(system: System) -> Iterator[str]:
     """
     yield from _aliased(system)
     for c in system.components.values():
-        block = block_class(c.interface.model) if c.interface.model in names() else None
+        block = c.block
         if block is None or not issubclass(block, Manager):
             continue
         sample = max(float(c.values.get("sample_time", 0.0)), system.step)
@@ -293,7 +292,7 @@ def problems(system: System) -> Iterator[str]:
     target = np.array(_target(system, manager) or (0.0, 0.0, 0.0), float)
     if not target.any() or "environment" not in system.roles:
         return
-    nadir = guide.interface.model == "guidance_nadir"
+    nadir = guide.model == "guidance_nadir"
     try:
         turned = _turned(system, target)
     except (DesatError, BlockError):
@@ -316,7 +315,7 @@ def problems(system: System) -> Iterator[str]:
         "stays"
     )
     yield (
-        f"{place}: {manager.name}.h_target_body = ({shown}) N m s: {guide.interface.model} turns "
+        f"{place}: {manager.name}.h_target_body = ({shown}) N m s: {guide.model} turns "
         f"it by {np.degrees(turned):.3g} deg in eci, and no law turns a bias with it"
         f"{only if nadir else ''}"
     )

@@ -186,8 +186,7 @@ INPUTS = (
 
 def is_known_body(system: System, body: str) -> bool:
     """Return whether a body is ours, so that its torques are known."""
-    interface = system.components[body].interface
-    return interface is not None and interface.model in (BLOCK, FIXED)
+    return system.components[body].model in (BLOCK, FIXED)
 
 
 def feeds(system: System, body: str) -> Feeds | None:

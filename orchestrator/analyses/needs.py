@@ -8,7 +8,6 @@ import numpy as np
 
 from desat.components.contract.fitting import Need, needs_of
 from desat.components.contract.roles import Manager
-from desat.fmus.registry import block_class, names
 
 from ..system.craft import craft_of
 from ..system.model import Component, System
@@ -25,20 +24,20 @@ def problems(system: System) -> Iterator[str]:
     The manager would fly without effect.
     """
     for c in system.components.values():
-        if c.interface.role != "manager" or c.interface.model not in names():
+        if c.interface.role != "manager" or c.block is None:
             continue
-        block = block_class(c.interface.model)
+        block = c.block
         if not issubclass(block, Manager) or _is_off(c):
             continue
         if block.offers and _turns(system) and instead(Need.CONTROLLER, system, c.name):
             yield (
-                f"{system.place}: {c.name}: {c.interface.model} has no attitude law, "
+                f"{system.place}: {c.name}: {c.model} has no attitude law, "
                 "and no other component controls the attitude: tau_ctrl_body is "
                 "unconnected"
             )
         for need in needs_of(block):
             if has := instead(need, system, c.name):
-                yield f"{system.place}: {c.name}: {c.interface.model} needs {need.value}; {has}"
+                yield f"{system.place}: {c.name}: {c.model} needs {need.value}; {has}"
 
 
 def design_problems(system: System, options: Options) -> Iterator[str]:
@@ -49,11 +48,11 @@ def design_problems(system: System, options: Options) -> Iterator[str]:
     checked by the provider of designs (`runs/provider.py`).
     """
     for c in system.components.values() if options.sources else ():
-        if c.interface.role != "manager" or c.interface.model not in names():
+        if c.interface.role != "manager" or c.block is None:
             continue
         if "made_for" in c.interface.signals:
             continue
-        block = block_class(c.interface.model)
+        block = c.block
         tables = [
             v.name
             for v in block.variables
@@ -65,7 +64,7 @@ def design_problems(system: System, options: Options) -> Iterator[str]:
             continue
         if not any(x for t in tables for x in c.values[t]):
             yield (
-                f"{system.place}: {c.name}: {c.interface.model} needs {Need.DESIGN.value}; "
+                f"{system.place}: {c.name}: {c.model} needs {Need.DESIGN.value}; "
                 f"{', '.join(tables)} {'is' if len(tables) == 1 else 'are'} 0"
             )
 

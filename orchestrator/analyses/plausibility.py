@@ -16,7 +16,6 @@ from desat.components.contract.block import BlockError
 from desat.components.physics import atmosphere
 from desat.components.physics.orbit import EARTH_RADIUS, MU
 from desat.components.physics.torques import SOLAR_PRESSURE
-from desat.fmus.registry import names
 
 from ..begin import cyclic
 from ..numbers.derived import rotate
@@ -140,7 +139,7 @@ def _body(system: System) -> Iterator[str]:
 def _dumps(system: System, wheels: WheelArray) -> Iterator[str]:
     """Check thresholds and torque of dumps against the wheels."""
     manager = craft_of(system).manager
-    if manager is None or manager.interface.model != "manager_threshold":
+    if manager is None or manager.model != "manager_threshold":
         return
     begin, capacity = (
         manager.values["begin"],
@@ -364,7 +363,7 @@ def _most_in_an_orbit(system: System, craft: Component) -> float:
     It is inf where it is not known, and 0 where nothing is known of the environment.
     """
     environment = craft_of(system).environment
-    if environment is None or environment.interface.model not in names():
+    if environment is None or environment.block is None:
         return 0.0  # the environment is not known
     try:
         block = environment_block(environment)
@@ -450,8 +449,7 @@ def orbit_flight(system: System) -> Flight:
     key = (
         system.start,
         tuple(
-            (c.name, c.interface.model, tuple(sorted(c.parameters.items())))
-            for c in components
+            (c.name, c.model, tuple(sorted(c.parameters.items()))) for c in components
         ),
         tuple(map(str, system.connections)),
         "torquers" in system.roles,

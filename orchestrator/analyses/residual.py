@@ -71,7 +71,7 @@ def applies(system: System) -> MomentumParts | None:
     parts = rigid_body(system)
     if parts is None:
         return None
-    ours = system.components[parts.spacecraft].interface.model == BLOCK
+    ours = system.components[parts.spacecraft].model == BLOCK
     unknown = "" if ours else f"{parts.spacecraft} {UNKNOWN}"
     return MomentumParts(parts.spacecraft, parts.wheels, unknown=unknown)
 

@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from desat.components.contract.block import BlockError
-from desat.fmus.registry import names
 
 from ..system.craft import craft_of
 from ..system.errors import DesatError
@@ -88,7 +87,7 @@ def _long_samples(system: System) -> Iterator[str]:
 def orbit_period(system: System) -> float | None:
     """Return the period of the orbit at the start (s), or None where it is not known."""
     environment = craft_of(system).environment
-    if environment is None or environment.interface.model not in names():
+    if environment is None or environment.block is None:
         return None
     block = bare_block(environment)
     try:
@@ -109,7 +108,7 @@ def _own_fields(system: System) -> Iterator[OwnField]:
         torquers = system.components[wire.source]
         coupling = np.array(magnetometer.values.get("coil_coupling", ()))
         is_known = coupling.any() and "axes_coil" in torquers.values
-        if not is_known or torquers.interface.model not in names():
+        if not is_known or torquers.block is None:
             continue
         if (earth := mean_field(system)) is None:
             continue

@@ -217,7 +217,7 @@ def _unit(component: Component) -> tuple[str, str]:
         raise DesatError(
             f"{name}: {component.source} is no FMU of ours, whose C is known; {instead}"
         )
-    model = component.interface.model
+    model = component.model
     with zipfile.ZipFile(fmu.path) as archive:
         if f"sources/{model}.c" not in archive.namelist():
             raise DesatError(

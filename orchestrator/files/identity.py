@@ -38,8 +38,7 @@ def of_system(
     `conditions` and `without` are as for `digest`.
     """
     computes = {
-        c.name: library.computes(c.interface.model, c.fmu)
-        for c in system.components.values()
+        c.name: library.computes(c.model, c.fmu) for c in system.components.values()
     }
     return digest(system, computes, [options, conditions], without)
 

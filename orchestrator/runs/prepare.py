@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from desat.components.contract.block import BlockError
-from desat.fmus.registry import names
 
 from ..analyses.motion import period_of
 from ..files import craft, paths, scenario
@@ -94,7 +93,7 @@ def with_stop(target: str | Scenario, options: Options) -> Options:
     count = orbits(options.stop) or 0.0
     system, _ = resolved(target, replace(options, stop=None))
     component = system.components.get("environment")
-    if component is None or component.interface.model not in names():
+    if component is None or component.block is None:
         raise DesatError(
             f"--stop {options.stop}: {system.name} has no environment of ours, which "
             "says how long an orbit is; a time is needed"

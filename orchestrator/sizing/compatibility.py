@@ -21,9 +21,8 @@ from desat.fmus.own import OwnBlockError, is_own
 from desat.fmus.registry import block_class, names
 
 from ..analyses.needs import instead
-from ..files.scenario import Scenario
 from ..runs.case import Case
-from ..runs.prepare import prepare
+from ..runs.prepare import prepare, resolved
 from ..system.errors import DesatError, nearest
 from ..system.expression import product, values_of
 from ..system.model import Component, Parameter, System
@@ -55,9 +54,14 @@ class Fitting:
     name: str
     manager: str  # its block, or its file as the user gave it
     is_own: bool  # the law that the craft flies, with its own values
-    options: Options  # options with which the craft flies it
+    case: Case  # the craft that flies it, prepared
     # parameter -> its rule and the resulting value; empty for the craft's own law
     gains: Mapping[str, str]
+
+    @property
+    def options(self) -> Options:
+        """Return the options with which the craft flies it."""
+        return self.case.options
 
     @property
     def label(self) -> str:
@@ -75,17 +79,18 @@ class Refused:
 
 def law_name(component: Component) -> str:
     """Return the name of the law that a manager is set to."""
-    model = component.interface.model
-    if model not in names():
-        return model
-    law = _law_of(component)
-    return law.name if law else model.removeprefix("manager_").replace("_", " ")
+    if component.block is None:
+        return component.model
+    if law := _law_of(component):
+        return law.name
+    return component.model.removeprefix("manager_").replace("_", " ")
 
 
 def _law_of(component: Component) -> Law | None:
     """Find the law that a component's choices select among its block's laws."""
-    block = block_class(component.interface.model)
-    laws = block.offers if issubclass(block, Manager) else ()
+    block, laws = component.block, tuple[Law, ...]()
+    if block is not None and issubclass(block, Manager):
+        laws = block.offers
     signals = component.interface.signals
 
     def chosen(law: Law) -> bool:
@@ -106,18 +111,17 @@ def managers() -> list[str]:
 
 
 def fitting(
-    source: Scenario,
-    options: Options,
+    case: Case,
     terms: Terms,
     names: Sequence[str] = (ALL,),
     others: Sequence[str] = (),
 ) -> tuple[list[Fitting], list[Refused]]:
-    """Find the laws that fit the craft of a source, and the managers that do not.
+    """Find the laws that fit the craft of a case, and the managers that do not.
 
     Parameters
     ----------
-    source, options
-        Scenario of the craft.
+    case
+        The craft with its own law.
     terms
         Quantities that rules of gains use.
     names
@@ -133,19 +137,15 @@ def fitting(
     Raises
     ------
     DesatError
-        If a name is unknown, or the source has a problem.
+        If a name is unknown, or the case has a problem.
     """
-    system, _ = prepare(source, options).or_raise()
+    system, _ = case.or_raise()
     manager_flown = system.components[ROLE]
     known = _table_of(system, manager_flown, terms)
-    found = [
-        Fitting(
-            law_name(manager_flown), manager_flown.interface.model, True, options, {}
-        )
-    ]
+    found = [Fitting(law_name(manager_flown), manager_flown.model, True, case, {})]
     some = sorted(
         _laws_of(names),
-        key=lambda m: (m != manager_flown.interface.model, m != PLAINEST),
+        key=lambda m: (m != manager_flown.model, m != PLAINEST),
     )
     refused: list[Refused] = []
     for manager in (*some, *others):
@@ -156,14 +156,14 @@ def fitting(
             else manager.removeprefix("manager_")
         )
         if reason := "" if block is None else _lacks(block, manager, system, terms):
-            if manager != manager_flown.interface.model:
+            if manager != manager_flown.model:
                 refused.append(Refused(label.replace("_", " "), reason))
             continue
         for law in _laws(block, manager):
             if law.name == found[0].name or not _is_asked(law, manager, names, others):
                 continue
             try:
-                found.append(_fit(source, options, manager_flown, manager, law, known))
+                found.append(_fit(case, manager_flown, manager, law, known))
             except DesatError as error:
                 refused.append(Refused(law.name, str(error).splitlines()[0]))
     return found, refused
@@ -312,7 +312,7 @@ def _instead(need: Need, system: System, terms: Terms) -> str:
 def _table_of(system: System, manager: Component, terms: Terms) -> dict[str, Any]:
     """Return a system's parameters; `craft` has the terms of rules."""
     known: dict[str, Any] = dict(system.parameters)
-    law = _law_of(manager) if manager.interface.model in names() else None
+    law = _law_of(manager) if manager.block is not None else None
     noise = noise_of(system)
 
     def with_rate(rate: float) -> dict[str, Any]:
@@ -334,8 +334,7 @@ def _table_of(system: System, manager: Component, terms: Terms) -> dict[str, Any
 
 
 def _fit(
-    source: Scenario,
-    options: Options,
+    case: Case,
     own_manager: Component,
     manager: str,
     law: Law,
@@ -345,22 +344,19 @@ def _fit(
 
     Raises DesatError where the craft cannot fly it.
     """
-    placed = options
-    if manager != own_manager.interface.model:
-        placed = replace(options, sources=[*options.sources, f"{ROLE}={manager}"])
-    system = prepare(source, placed).system
-    if system is None:
-        prepare(source, placed).or_raise()
-        raise AssertionError("a case without a system has a problem")
-    component = system.components[ROLE]
+    placed, component = case.options, own_manager
+    if manager != own_manager.model:
+        placed = replace(placed, sources=[*placed.sources, f"{ROLE}={manager}"])
+        component = resolved(case.scenario, placed)[0].components[ROLE]
     values: dict[str, Any] = {}
     shown: dict[str, str] = {}
     for key, value, rule in _gains(component, own_manager, law, known):
         values[f"{ROLE}.{key}"] = value
         shown[key] = rule
     fitted = replace(placed, values={**placed.values, **values})
-    prepare(source, fitted).or_raise()
-    return Fitting(law.name, manager, False, fitted, shown)
+    fitted_case = prepare(case.scenario, fitted)
+    fitted_case.or_raise()
+    return Fitting(law.name, manager, False, fitted_case, shown)
 
 
 def _gains(
@@ -378,7 +374,7 @@ def _gains(
         shown = law.units.get(key, elements[0].unit_name)
         text = f"{rule} = {number:.4g} {shown}".removesuffix(" 1")
         yield key, number if key in signals else [number] * len(elements), text
-    if component.interface.model != manager.interface.model:
+    if component.model != manager.model:
         follows = {
             s.array: s.follows
             for s in component.interface.parameters
@@ -399,8 +395,3 @@ def _gains(
 def terms_of(period: float, b: Any, inertial: bool) -> Terms:
     """Return the terms of a flight of this period (s) in a field b (rows, 3) T."""
     return Terms(2.0 * pi / period, float(np.linalg.norm(b, axis=1).mean()), inertial)
-
-
-def prepare_with(source: Scenario, law: Fitting) -> Case:
-    """Prepare a craft with a law that fits it."""
-    return prepare(source, law.options)

@@ -54,6 +54,7 @@ from ..analyses.motion import BEYOND, period_of
 from ..campaign.draws import series_of_numbers
 from ..numbers.derived import rotate, rotate_back
 from ..numbers.text import format_duration
+from ..runs.case import Case
 from ..runs.prepare import prepare, read, resolved
 from ..runs.run import Run, simulate
 from ..system.errors import DesatError
@@ -292,7 +293,7 @@ def applies(system: System) -> bool:
     manager = system.components.get("manager")
     return (
         manager is not None
-        and manager.interface.model == LAW
+        and manager.model == LAW
         and (manager.choice("by") == "thrusters")
     )
 
@@ -372,7 +373,7 @@ def size(
     of_own = [r for d, r in zip(year, each, strict=True) if d.activity == of_worst] or [
         steady
     ]
-    rods = _rods_alone(target, system, options, flight, requirements, progress)
+    rods = _rods_alone(case, flight, requirements, progress)
     slew_momentum, slew_torque = compute_slew(hardware, requirements)
     sizing = DumpSizing(
         target=target,
@@ -505,9 +506,7 @@ def _rates_over(
 
 
 def _rods_alone(
-    target: str,
-    system: System,
-    options: Options,
+    case: Case,
     flight: Flight,
     requirements: SizingRequirements,
     progress: Callable[[str], None],
@@ -516,14 +515,15 @@ def _rods_alone(
 
     None for a craft without rods.
     """
+    system, _ = case.or_raise()
     hardware = hardware_of(system)
     if hardware.m_limit == 0.0 or not flight.b.any():
         return None
     progress("its rods alone")
-    source, skipped = read(target), list[str]()
+    skipped = list[str]()
     terms = terms_of(flight.period, flight.b, wanted_attitude(system).kind != "nadir")
     try:
-        laws = list(other_laws(source, options, terms, skipped))
+        laws = list(other_laws(case, terms, skipped))
         _, rods = find_rods_of_laws(system, flight, laws, requirements)
     except DesatError:
         laws, rods = [], []
@@ -652,8 +652,8 @@ def _fly_closed_loop(target: str, options: Options, window: float) -> Run:
     Raises DesatError where it cannot run or does not complete.
     """
     source = read(target)
-    system, _ = prepare(source, options).or_raise()
-    case = prepare(source, replace(options, stop=system.start + window))
+    start = resolved(source, options)[0].start
+    case = prepare(source, replace(options, stop=start + window))
     # all series of a year would not fit into memory
     record = series_of_numbers(case.or_raise()[0])
     run = simulate(

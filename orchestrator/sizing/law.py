@@ -85,7 +85,7 @@ def law_of(component: Component) -> Law:
     UnsuitedError
         If the model does not have it.
     """
-    model = component.interface.model
+    model = component.model
     if model not in names():
         raise UnsuitedError("it is no block of ours")
     values = {

@@ -182,7 +182,7 @@ def map_of(
         )
     if axes.laws or not laws:
         terms = terms_of(flight.period, flight.b, attitude.kind in ("inertial", "sun"))
-        laws += other_laws(source, options, terms, notes)
+        laws += other_laws(case, terms, notes)
     torque, _ = secular(flight)
     least = least_by_formula(reach(flight, hardware), torque)
     dipole = float(np.linalg.norm(_residual(system))) or 0.05 * hardware.m_limit

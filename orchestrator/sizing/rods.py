@@ -22,12 +22,13 @@ from ..analyses.flight import (
 from ..analyses.manifest import Manifest
 from ..campaign.draws import series_of_numbers
 from ..files.scenario import Scenario
-from ..runs.prepare import prepare
+from ..runs.case import Case
+from ..runs.prepare import prepare, resolved
 from ..runs.run import Run, simulate
 from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
-from .compatibility import Terms, fitting, prepare_with
+from .compatibility import Terms, fitting
 from .law import OTHERS_STEP, STEP, Law, UnsuitedError, hold_of, law_of
 from .least_rod import least_by_programme, reach
 from .model import Course, fly, track_of, useful
@@ -49,23 +50,21 @@ GRID_SIZES = 60  # rods of a search by the model
 TRIES, CLOSE = 8, 1.1
 
 
-def other_laws(
-    source: Scenario, options: Options, terms: Terms, notes: list[str]
-) -> Iterator[Law]:
+def other_laws(case: Case, terms: Terms, notes: list[str]) -> Iterator[Law]:
     """Yield the laws that fit the craft besides its own (`compatibility.py`).
 
     Laws that the model lacks are added to the notes instead.
     """
     without = []
-    for each in fitting(source, options, terms)[0][1:]:
-        system, _ = prepare_with(source, each).or_raise()
+    for each in fitting(case, terms)[0][1:]:
+        system, _ = each.case.or_raise()
         try:
             yield law_of(system.components["manager"])
         except UnsuitedError:
             without.append(each.name)
     if without:
         notes.append(
-            f"closed loop only, by `desat compare {source.target} --laws all`: {', '.join(without)}"
+            f"closed loop only, by `desat compare {case.target} --laws all`: {', '.join(without)}"
         )
 
 
@@ -342,7 +341,8 @@ def find_rod_by_flights(
     rod = floor_rod = requirements.margin * hardest.least
     too_small, enough = 0.0, inf
     for _ in range(TRIES):
-        run = _with_rods(source, options, rod, begin=float(hardest.flight.times[0]))
+        begin = float(hardest.flight.times[0])
+        run = _with_rods(source, options, system, rod, begin=begin)
         if run.ok and _is_enough(run, hardware, rod, requirements):
             enough = rod
         else:
@@ -381,6 +381,7 @@ def find_rod_for_worst(
     The closed loop flies with rods from `rod` on; None if none meets them. The second
     value has a line for each requirement that the craft's own rods miss.
     """
+    system, _ = resolved(source, options)
 
     def fly_with(size: float) -> tuple[Manifest, Flight | None]:
         """Fly the scenario with rods of a size (A m2)."""
@@ -389,10 +390,10 @@ def find_rod_for_worst(
         if known:  # the substeps of the first flight
             first, _ = next(iter(known.values()))
             settled = replace(options, substeps=first.substeps)
-        run = _with_rods(source, settled, size, more=series_of_numbers)
+        run = _with_rods(source, settled, system, size, more=series_of_numbers)
         with run.results as results:
             try:
-                found = flight_of(prepare(source, options).or_raise()[0], results)
+                found = flight_of(system, results)
             except DesatError:  # the run is shorter than an orbit
                 found = None
         return run.manifest, found
@@ -475,7 +476,7 @@ def add_closed_loop(
     ]
     if name:
         return tuple(
-            in_the_loop(row, source, options, progress)
+            in_the_loop(row, source, options, system, progress)
             if row.law == name and any(abs(row.rod - m) < 1e-9 * m for m in closed)
             else row
             for row in curve
@@ -484,19 +485,22 @@ def add_closed_loop(
         SizingPoint(manager_name(system), m, m / least, None, None, None, None)
         for m in sorted(closed)
     ]
-    return (*(in_the_loop(row, source, options, progress) for row in alone), *curve)
+    return (
+        *(in_the_loop(row, source, options, system, progress) for row in alone),
+        *curve,
+    )
 
 
 def in_the_loop(
     row: SizingPoint,
     source: Scenario,
     options: Options,
+    system: System,
     progress: Callable[[str], None] = lambda text: None,
 ) -> SizingPoint:
     """Fly the closed loop with a size of rods and add its results to the row."""
     progress(f"the closed loop with rods of {row.rod:.4g} A m2")
-    run = _with_rods(source, options, row.rod).or_raise(source.target)
-    system, _ = prepare(source, options).or_raise()
+    run = _with_rods(source, options, system, row.rod).or_raise(source.target)
     with run.results as results:
         wheels = "wheels.h_wheel" in results.names()
         h = results.values("wheels.h_wheel" if wheels else "spacecraft.h_copy_wheel")
@@ -516,15 +520,16 @@ def in_the_loop(
 def _with_rods(
     source: Scenario,
     options: Options,
+    plain: System,
     rod: float,
     more: Callable[[System], Iterable[str]] = lambda system: (),
     begin: float | None = None,
 ) -> Run:
     """Run with rods of a size (A m2), recording the series of a flight and `more`.
 
-    The run is as long as the scenario, from `begin` (s) on; None: from its start.
+    `plain` is the system with the rods of the craft. The run is as long as the
+    scenario, from `begin` (s) on; None: from its start.
     """
-    plain, _ = prepare(source, options).or_raise()
     values = {**options.values, "torquers.m_limit": rod}
     if "m_limit" in plain.components["manager"].interface.signals:
         values["manager.m_limit"] = rod

@@ -13,7 +13,7 @@ from ..analyses.flight import Flight, flight_of, series_for
 from ..files.paths import NOMINAL
 from ..files.scenario import Scenario
 from ..runs.case import Case
-from ..runs.prepare import prepare, read
+from ..runs.prepare import read, resolved
 from ..runs.run import simulate
 from ..system.errors import DesatError
 from ..system.interface import role_classes
@@ -117,7 +117,7 @@ def find_tip_off(source: Scenario, options: Options) -> float:
     if source.is_system_file or not there.is_file():
         return TIP_OFF
     try:
-        system, _ = prepare(read(str(there)), replace(options, stop=None)).or_raise()
+        system, _ = resolved(str(there), replace(options, stop=None))
     except DesatError:
         return TIP_OFF
     return float(

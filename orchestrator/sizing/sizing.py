@@ -106,7 +106,7 @@ def size(
     laws = [own_law] if own_law is not None else []
     if requirements.laws or own_law is None:
         terms = terms_of(flight.period, flight.b, attitude.kind in ("inertial", "sun"))
-        laws += other_laws(source, options, terms, notes)
+        laws += other_laws(case, terms, notes)
     curve, best = compute_curves(
         flight, hardware, laws, least, requirements, progress, notes
     )

@@ -41,7 +41,6 @@ from ..sizing.compatibility import (
     check_names,
     fitting,
     law_name,
-    prepare_with,
     terms_of,
 )
 from ..sizing.law import UnsuitedError, law_of
@@ -308,7 +307,7 @@ def choose(
     for k, law in enumerate(found[1:], 2):
         progress(f"{k} of {len(found)}: {law.name}")
         try:
-            run = _fly(prepare_with(source, law), _choice_for_others(first))
+            run = _fly(law.case, _choice_for_others(first))
             run.or_raise(law.name)
         except RunError as error:
             refused.append(Refused(law.name, str(error).removeprefix(f"{law.name}: ")))
@@ -391,7 +390,7 @@ class _Measured:
 
     def _emptying(self) -> list[float]:
         """Fly each law with half-full wheels and return the times (min) to empty them."""
-        start = half_full(prepare(self._source, self._laws[0].options).or_raise()[0])
+        start = half_full(self._laws[0].case.or_raise()[0])
         if start is None:
             return [np.nan] * len(self._laws)
         self.notes.append(f"empty: every wheel below {number(EMPTY)} % of its capacity")
@@ -421,14 +420,14 @@ class _Measured:
 
         They are found by the momentum-only model, or by flights of a law that it lacks.
         """
-        system, _ = prepare(self._source, self._laws[0].options).or_raise()
+        system, _ = self._laws[0].case.or_raise()
         if "torquers" not in system.components:
             return [np.nan] * len(self._laws)
         self._progress("the worst day of the year")
         requirements = SizingRequirements()
         models, without = {}, list[Fitting]()
         for law in self._laws:
-            flying, _ = prepare_with(self._source, law).or_raise()
+            flying, _ = law.case.or_raise()
             try:
                 models[law.name] = law_of(flying.components[ROLE])
             except UnsuitedError:
@@ -524,7 +523,7 @@ def laws_of(
     r, v, b, q = (first.results.values(s) for s in ORBIT)
     inertial = attitude_of(system, q, r, v).kind in ("inertial", "sun")
     terms = terms_of(period_of(r[0], v[0]), b, inertial)
-    return first, *fitting(source, options, terms, laws, others)
+    return first, *fitting(case, terms, laws, others)
 
 
 def _check_holding(source: Scenario, system: System) -> None:
@@ -532,7 +531,7 @@ def _check_holding(source: Scenario, system: System) -> None:
     manager = system.roles.get(ROLE)
     if manager is not None and is_braking(manager):
         raise DesatError(
-            f"{source.target}: {ROLE} = {manager.interface.model} brakes a tumbling craft, and "
+            f"{source.target}: {ROLE} = {manager.model} brakes a tumbling craft, and "
             "the laws to compare keep the momentum of wheels low; compare two scenarios that "
             "brake instead, as `desat compare CRAFT/detumbling.toml CRAFT/rollout.toml`"
         )
@@ -563,12 +562,12 @@ def options_of_laws(
     for law in refused:
         if ALL not in names:
             raise DesatError(f"--law {law.name}: {law.why}")
-    return {law.name: _following(source, law) for law in found}
+    return {law.name: _following(law) for law in found}
 
 
-def _following(source: Scenario, law: Fitting) -> Options:
+def _following(law: Fitting) -> Options:
     """Return a law's options, with products in place of values that follow them."""
-    component = prepare_with(source, law).or_raise()[0].components[ROLE]
+    component = law.case.or_raise()[0].components[ROLE]
     follows = {
         f"{ROLE}.{s.array}": s.follows
         for s in component.interface.parameters

@@ -382,7 +382,7 @@ def _parameter(
     if drawn := overridden_by(draft_to_draw(source, options.blocks), name):
         raise DesatError(f"{name}: {drawn[0]} is sampled, and so cannot be tuned")
     unit = None
-    if (model := component.interface.model) in registry.names():
+    if (model := component.model) in registry.names():
         chosen = {
             s.name: component.choice(s.name)
             for s in component.interface.signals.values()

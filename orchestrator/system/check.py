@@ -341,7 +341,7 @@ def foresee(
             (c.interface.signals[n].reference, x) for n, x in c.parameters.items()
         )
         lines, refusal = _of_block(
-            c.interface.model, start_values, system.start, system.stop, wired
+            c.model, start_values, system.start, system.stop, wired
         )
         for line in lines:
             warnings += explain(system, f"{c.name}: {REFUSES}{line}")
@@ -391,7 +391,7 @@ def _foresees(c: Component) -> bool:
 
     It must have the variables of that block.
     """
-    model = c.interface.model
+    model = c.model
     if model not in names() or block_class(model).foresee is Block.foresee:
         return False
     return c.interface.signals.keys() == interface_of_block(model).signals.keys()

@@ -13,7 +13,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
-from desat.components.contract.block import Scalar
+from desat.components.contract.block import Block, Scalar
+from desat.fmus.registry import block_class, names
 
 from .body import Body
 from .interface import Interface, OutputClass, Signal, base_name
@@ -150,6 +151,16 @@ class Component:
             if name not in found:
                 found[name] = values
         return found
+
+    @property
+    def model(self) -> str:
+        """Return the name of its block, or of its FMU's model."""
+        return self.interface.model
+
+    @cached_property
+    def block(self) -> type[Block] | None:
+        """Return the class of its block; None for an FMU that is not of ours."""
+        return block_class(self.model) if self.model in names() else None
 
     def choice(self, name: str) -> str:
         """Return the choice of a parameter by its name.

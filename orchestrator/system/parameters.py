@@ -15,7 +15,6 @@ from typing import Any, cast
 from desat.components.contract import units
 from desat.components.contract.block import Scalar
 from desat.components.contract.units import Unit, conversion
-from desat.fmus.registry import block_class
 
 from .errors import DesatError, nearest
 from .interface import Interface, Signal
@@ -318,7 +317,7 @@ def bare_block(component: Component) -> Any:
 
     The block is checked, but not started.
     """
-    block = block_class(component.interface.model)()
+    block = block_class(component.model)()
     signals, values = component.interface.signals, component.parameters
     block.access([signals[n].reference for n in values]).write(list(values.values()))
     block.check()

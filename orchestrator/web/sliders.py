@@ -10,7 +10,6 @@ from typing import Any
 from desat.components.contract.roles import Manager
 from desat.components.contract.units import conversion
 from desat.components.physics.orbit import EARTH_RADIUS
-from desat.fmus.registry import block_class, names
 
 from ..analyses.management import is_braking
 from ..files.scenario import Scenario
@@ -230,9 +229,9 @@ def usual_of(name: str, system: System) -> Slider | None:
 def _gain(system: System) -> str:
     """Return the parameter that sets the speed of the manager's law."""
     manager = system.roles.get("manager")
-    if manager is None or manager.interface.model not in names():
+    if manager is None or manager.block is None:
         return "gain"
-    block = block_class(manager.interface.model)
+    block = manager.block
     laws = block.offers if issubclass(block, Manager) else ()
     return next((law.rate for law in laws if law.rate), "gain")
 

@@ -78,7 +78,7 @@ def _no_kind(system: System) -> str:
     manager = system.components.get("manager")
     constituents = ""
     if manager is not None:
-        constituents = f" for {manager.interface.model}"
+        constituents = f" for {manager.model}"
         for signal in manager.interface.elements.get("law", ()):
             constituents += f" {manager.choice(signal.name)}"
     return f"no design{constituents}; there is one for {names}"

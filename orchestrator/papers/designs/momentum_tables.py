@@ -91,7 +91,7 @@ KEYS = (
 def applies(system: System) -> bool:
     """Return whether the manager is a block with such tables."""
     manager = system.components.get("manager")
-    return manager is not None and manager.interface.model in (*PREVIEW, *PROFILE)
+    return manager is not None and manager.model in (*PREVIEW, *PROFILE)
 
 
 def make(scenario: Scenario, options: Options) -> MadeDesign:
@@ -111,7 +111,7 @@ def make(scenario: Scenario, options: Options) -> MadeDesign:
             f"{scenario.name}: design: a run of {system.stop:g} s takes {nodes} rows of "
             f"{SPACING:g} s; a table has {CAPACITY}"
         )
-    preview = manager.interface.model in PREVIEW
+    preview = manager.model in PREVIEW
     # a preview looks an orbit beyond the end; otherwise control would cease there
     span = (nodes - 1) * SPACING + (2.0 * HALF_ORBIT if preview else dt)
     course, rate, turns = _course(system, dt, ceil(span / HALF_ORBIT) * period)
@@ -124,7 +124,7 @@ def make(scenario: Scenario, options: Options) -> MadeDesign:
     if preview:
         lost_courses = (
             _courses_without_coil(manager, course, turns)
-            if manager.interface.model == LEARNING
+            if manager.model == LEARNING
             else []
         )
         tables, reached = _preview(scenario, course, times, lost_courses)

@@ -22,7 +22,7 @@ SEARCH = (-1.0, 8.0, 0.1)
 def flies(system: System, model: str, law: str = "") -> bool:
     """Return whether the system's manager is this block with this `law`."""
     manager = system.components.get("manager")
-    if manager is None or manager.interface.model != model:
+    if manager is None or manager.model != model:
         return False
     return (manager.choice("law") if "law" in manager.interface.signals else "") == law
 
