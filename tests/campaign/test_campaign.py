@@ -204,6 +204,7 @@ def test_saltelli_has_its_own_counts():
 # --- rows -----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_campaign_of_two_hundred(full_campaign):
     table = store.read(full_campaign)
     assert table["case"].to_pylist() == list(range(COUNT))

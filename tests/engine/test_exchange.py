@@ -142,6 +142,7 @@ def study():
     )
 
 
+@pytest.mark.slow
 def test_observed_order(study):
     assert study["order"] >= 2.5
     rows = [r for r in study["rows"] if r["algorithm"] == "gauss_seidel"]

@@ -103,6 +103,7 @@ def test_runs_of_other_length_are_warned_of(desat, craft):
     assert "warning: mine ends at 60 s, short at 120 s" in outcome.stderr
 
 
+@pytest.mark.slow
 def test_draws_are_compared_in_pairs(desat, craft):
     """The same as of the draws of both, flown one by one."""
     inputs = ["-n", "7", "--stop", "100", "--json", "--jobs", "1"]
