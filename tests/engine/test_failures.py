@@ -1217,6 +1217,7 @@ def test_no_temporary_folder_at_all(desat, tmp_path, monkeypatch):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
 def test_many_runs_in_one_process_leave_nothing():
     """`python -m benchmarks.soak native` makes a thousand."""

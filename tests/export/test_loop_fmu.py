@@ -23,7 +23,7 @@ from desat.runs.prepare import prepare
 from desat.runs.run import Options, Run, execute
 from desat.system.errors import DesatError
 from desat.system.interface import base_name
-from tests.conftest import ROOT, python
+from tests.conftest import ROOT, python, slow_after
 
 STEPS = 200
 ONE_OF_EACH = [
@@ -142,7 +142,7 @@ def _quickly_compiled(monkeypatch):
     )
 
 
-@pytest.mark.parametrize("name", ONE_OF_EACH)
+@pytest.mark.parametrize("name", slow_after(2, ONE_OF_EACH))
 def test_every_series_is_that_of_a_run_bit_by_bit(name, tmp_path):
     options = short(name)
     path = export(name, options, LoopEnds(outputs=["*"]), tmp_path / "loop.fmu")
