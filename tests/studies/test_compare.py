@@ -367,6 +367,7 @@ def orbits(tmp_path_factory):
     )
 
 
+@pytest.mark.slow
 def test_the_time_to_empty_does_not_depend_on_the_other_laws(orbits):
     folder, ranking = orbits
     k = [c.name for c in ranking.by].index("emptying")
@@ -437,6 +438,7 @@ def test_where_all_laws_do_the_plainest_is_named(orbits):
     assert replace(ranking, ranked=(full, *ranking.ranked[1:])).plainest is None
 
 
+@pytest.mark.slow
 def test_laws_are_ranked_over_samples(orbits, desat):
     """Numbers of a sample are those of the run with its values."""
     folder, _ = orbits
