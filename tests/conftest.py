@@ -12,7 +12,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -242,6 +242,17 @@ def desat(monkeypatch) -> Command:
         return done
 
     return run
+
+
+def slow_after(count: int, values: Iterable[Any]) -> list[Any]:
+    """Return values of a test of which all but the first few are slow."""
+    return [value if k < count else slow_value(value) for k, value in enumerate(values)]
+
+
+def slow_value(value: Any) -> Any:
+    """Return a value, or a tuple of several, with which a test is slow."""
+    values = value if isinstance(value, tuple) else (value,)
+    return pytest.param(*values, marks=pytest.mark.slow)
 
 
 def one_of_each_craft() -> list[str]:

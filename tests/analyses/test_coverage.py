@@ -277,6 +277,7 @@ def test_a_loop_learns_the_friction():
 # --- the reference and the blocks -----------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "values", "least_order"),
     [
@@ -364,6 +365,7 @@ def case(request):
     return request.param, truth, single, estimated, prepared.warnings
 
 
+@pytest.mark.slow
 def test_a_case_of_the_exchange(case):
     name, truth, single, estimated, warnings = case
     was, promised = CASES[name]
@@ -405,6 +407,7 @@ def craft(draw):
     }
 
 
+@pytest.mark.slow
 @given(craft())
 @settings(max_examples=20)
 def test_the_estimate_of_any_craft(values):
@@ -520,6 +523,7 @@ def test_it_refuses_other_wires():
 # --- the commands ---------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_convergence_has_estimates():
     options = Options(blocks=True, substeps=1)
     found = convergence.study(

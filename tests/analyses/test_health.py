@@ -174,6 +174,7 @@ def test_a_sensor_that_a_scenario_has_fail_is_not_told_of(craft, name):
     assert lines({}) == []
 
 
+@pytest.mark.slow
 def test_more_dipole_than_wheels_hold(tmp_path, desat):
     """7 A m2 typed into a craft: `check` and `run` say what `new craft` refuses."""
     desat("new", "craft", str(tmp_path / "six"), "--size", "6U", check=True)
@@ -343,6 +344,7 @@ def test_a_law_that_can_do_nothing_is_refused(target, manager, text):
         case.or_raise()
 
 
+@pytest.mark.slow
 def test_the_predictive_law_is_told_what_the_sensors_have(tmp_path, desat):
     """It was flown with another craft's noise, which put it seventh of eight."""
     facts = CraftFacts(
@@ -380,6 +382,7 @@ def test_the_predictive_law_is_told_what_the_sensors_have(tmp_path, desat):
 # --- detumbling -----------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "inputs",
     [

@@ -69,6 +69,7 @@ def test_a_craft_of_one_line_flies_as_it_is_wanted(tmp_path: Path, name: str) ->
     assert run.manifest.numbers["pointing"].value < 0.2
 
 
+@pytest.mark.slow
 def test_a_sun_pointing_craft_is_sized_to_a_percent_of_its_loop(tmp_path: Path) -> None:
     write(tmp_path / "mine", CRAFTS["sun"], "")
     sizing = size_of(
@@ -82,6 +83,7 @@ def test_a_sun_pointing_craft_is_sized_to_a_percent_of_its_loop(tmp_path: Path) 
         assert row.duty == pytest.approx(row.loop_duty, rel=0.01)
 
 
+@pytest.mark.slow
 def test_deep_space_is_sized_to_some_percent_of_its_loop(tmp_path: Path) -> None:
     write(
         tmp_path / "mine",
@@ -105,6 +107,7 @@ def test_deep_space_is_sized_to_some_percent_of_its_loop(tmp_path: Path) -> None
     )
 
 
+@pytest.mark.slow
 def test_a_secular_torque_is_what_size_finds(tmp_path: Path) -> None:
     write(tmp_path / "mine", CRAFTS["secular"], "")
     sizing = size_of(

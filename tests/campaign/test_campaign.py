@@ -205,6 +205,7 @@ def test_saltelli_has_its_own_counts():
 # --- rows -----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_campaign_of_two_hundred(full_campaign):
     table = store.read(full_campaign)
     assert table["case"].to_pylist() == list(range(COUNT))
@@ -246,6 +247,7 @@ def test_kept_cases_have_their_series(full_campaign):
     assert saved == store.read(full_campaign)["out.coil_load"][150].as_py()
 
 
+@pytest.mark.slow
 def test_killed_head_and_killed_worker_lose_nothing(
     full_campaign, own_scenario, tmp_path
 ):
@@ -383,6 +385,7 @@ def test_a_packed_system_has_the_same_case_on_a_worker(
     }
 
 
+@pytest.mark.slow
 def test_clusters_that_do_not_serve(
     own_scenario, full_campaign, tmp_path, monkeypatch, capfd
 ):
@@ -868,6 +871,7 @@ def test_a_campaign_is_a_data_set(full_campaign):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "call",
     [

@@ -227,6 +227,7 @@ def test_a_folder_is_one_runs_alone(desat, tmp_path):
 # --- killed at random moments ---------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
 def test_killed_at_random_moments(tmp_path):
     """Checkpoints so frequent that it is often killed while it writes one. `python -m

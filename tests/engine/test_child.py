@@ -234,6 +234,7 @@ def test_a_run_that_a_signal_stops_says_which(monkeypatch, number):
         runs.simulate(case)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize(
     "line",

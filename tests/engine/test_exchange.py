@@ -103,6 +103,7 @@ def test_scenario_has_the_numbers_of_the_authority():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_reference_is_the_authority(name):
     system, _ = prepare(name, Options()).or_raise()
@@ -142,6 +143,7 @@ def study():
     )
 
 
+@pytest.mark.slow
 def test_observed_order(study):
     assert study["order"] >= 2.5
     rows = [r for r in study["rows"] if r["algorithm"] == "gauss_seidel"]
@@ -219,6 +221,7 @@ def test_the_reference_says_what_it_does_not_know():
         Gyrostat(system)
 
 
+@pytest.mark.slow
 def test_command():
     def apart(*arguments: str) -> subprocess.CompletedProcess[str]:
         command = [

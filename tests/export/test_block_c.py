@@ -21,6 +21,7 @@ from desat.runs.run import simulate
 from desat.system.errors import DesatError
 from desat.system.interface import base_name
 from desat.system.options import Options
+from tests.conftest import slow_value
 
 STRICT = [
     "-std=c99",
@@ -99,10 +100,10 @@ def library(component, folder, inputs, outputs, samples=None):
     [
         ("nadir_day/day-dipole", "", None),
         ("uosat12/table3-ocdc-ilqr-1", "manager", None),
-        ("uosat12/beyond-receding_horizon-ilqr-1", "manager", 60),
-        ("hausat2/start-up-ours", "manager", None),
-        ("integrated/mil-nadir", "manager", None),
-        ("space_telescope/ours-nominal", "manager", None),
+        slow_value(("uosat12/beyond-receding_horizon-ilqr-1", "manager", 60)),
+        slow_value(("hausat2/start-up-ours", "manager", None)),
+        slow_value(("integrated/mil-nadir", "manager", None)),
+        slow_value(("space_telescope/ours-nominal", "manager", None)),
     ],
 )
 def test_it_replays_a_run_with_its_bits(tmp_path, target, expected, samples):
@@ -166,6 +167,7 @@ def test_it_replays_a_run_with_its_bits(tmp_path, target, expected, samples):
     assert compared > 1000 or expected
 
 
+@pytest.mark.slow
 def test_a_plan_has_room_for_the_samples_that_are_asked_for(tmp_path, desat):
     """The stack follows, and a longer horizon is refused."""
     name, stacks = "manager_receding_horizon", []

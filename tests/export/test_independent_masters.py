@@ -17,7 +17,7 @@ from desat.files.ssp import read
 from desat.runs.checks import check_draft
 from desat.runs.run import Options, execute
 from tests import others
-from tests.conftest import python
+from tests.conftest import python, slow_after
 
 STEPS = 60
 SHORT = Options(algorithm="jacobi", stop=600.0)
@@ -118,7 +118,7 @@ def packed(name, kind, folder):
 @pytest.mark.skipif(
     not importlib.util.find_spec("libcosimpy"), reason="libcosimpy not installable"
 )
-@pytest.mark.parametrize(("name", "kind"), BOTH)
+@pytest.mark.parametrize(("name", "kind"), slow_after(2, BOTH))
 def test_libcosim_agrees(name, kind, tmp_path):
     path = packed(name, kind, tmp_path)
     outputs = real_outputs(path)

@@ -23,7 +23,7 @@ from desat.runs.prepare import prepare
 from desat.runs.run import Options, Run, execute
 from desat.system.errors import DesatError
 from desat.system.interface import base_name
-from tests.conftest import ROOT, python
+from tests.conftest import ROOT, python, slow_after
 
 STEPS = 200
 ONE_OF_EACH = [
@@ -142,7 +142,7 @@ def _quickly_compiled(monkeypatch):
     )
 
 
-@pytest.mark.parametrize("name", ONE_OF_EACH)
+@pytest.mark.parametrize("name", slow_after(2, ONE_OF_EACH))
 def test_every_series_is_that_of_a_run_bit_by_bit(name, tmp_path):
     options = short(name)
     path = export(name, options, LoopEnds(outputs=["*"]), tmp_path / "loop.fmu")
@@ -153,6 +153,7 @@ def test_every_series_is_that_of_a_run_bit_by_bit(name, tmp_path):
     assert wrong == []
 
 
+@pytest.mark.slow
 def test_it_is_as_large_as_its_page_says(monkeypatch, tmp_path):
     """Built as `desat export fmu` does, for this platform alone."""
     monkeypatch.undo()
@@ -190,6 +191,7 @@ def built_loop(tmp_path_factory):
     return full, open_, execute(NADIR, options, None), folder
 
 
+@pytest.mark.slow
 def test_its_outputs_are_those_that_the_scenario_plots_and_validators_find_nothing(
     built_loop,
 ):
@@ -414,6 +416,7 @@ def test_each_output_says_of_which_time_it_is(desat, tmp_path):
     assert page.index("attitudes that are one step apart") < page.index("| option |")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("third", [False, True])
 def test_a_loop_of_reals_alone_has_no_other_output(tmp_path, third):
     """For hosts that know no other type; what is named and no Real is refused."""

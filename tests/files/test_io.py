@@ -108,6 +108,7 @@ def test_what_is_planted_where_a_file_goes(tmp_path, line, kind):
     assert list(tmp_path.rglob("*.part")) == []
 
 
+@pytest.mark.slow
 def test_a_loop_is_written_at_the_end_of_a_link(tmp_path):
     commands.prepare(tmp_path)
     (tmp_path / "link.fmu").symlink_to("real.fmu")

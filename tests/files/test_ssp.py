@@ -23,7 +23,7 @@ from desat.runs.checks import check_draft
 from desat.runs.prepare import prepare, read
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
-from tests.conftest import ROOT, one_of_each_craft
+from tests.conftest import ROOT, one_of_each_craft, slow_after
 
 NAME = "uosat12/table3-ocdc-ilqr-1"
 
@@ -124,7 +124,7 @@ PACKED = [
 
 
 @pytest.mark.real_units
-@pytest.mark.parametrize("name", PACKED)
+@pytest.mark.parametrize("name", slow_after(7, PACKED))
 def test_a_packed_scenario_gives_the_bits_of_the_scenario(name, tmp_path):
     """One of each craft: what tables, pages and draws compute of scenarios holds for
     the packed files that other tools load."""

@@ -279,6 +279,7 @@ def test_a_step_that_fails_is_discarded_and_logged_once(tmp_path):
     both.close()
 
 
+@pytest.mark.slow
 def test_the_loop_as_an_fmu_of_fmi_3_gives_the_bits_of_a_run(desat, tmp_path):
     file = tmp_path / "loop.fmu"
     done = desat(

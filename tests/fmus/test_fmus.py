@@ -155,6 +155,7 @@ def test_a_block_that_cannot_be_one_is_named_and_the_others_are_built(tmp_path):
     assert [p.name for p in (tmp_path / "out").glob("*.fmu")] == ["tachometers.fmu"]
 
 
+@pytest.mark.slow
 def test_a_build_that_is_killed_and_started_again_gives_the_same_bytes(tmp_path):
     """`python -m benchmarks.targets` kills targets of make."""
     names = ("manager_combined", "environment_orbit_dipole")
@@ -522,6 +523,7 @@ print("done", len(units))
 """
 
 
+@pytest.mark.slow
 def test_all_fmus_live_in_one_process():
     result = python(TOGETHER)
     assert result.returncode == 0, result.stderr

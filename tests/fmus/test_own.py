@@ -232,6 +232,7 @@ def test_a_file_that_is_not_there_is_said(desat, tmp_path):
 # --- desat new law --------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_new_law_flies_and_its_own_test_holds(desat, cache, tmp_path):
     """It is native, has the bits of our cross product at the same gain, and its test
     can fail."""

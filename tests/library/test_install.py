@@ -133,6 +133,7 @@ def cached_fmus(home) -> Path:
     return cache
 
 
+@pytest.mark.slow
 def test_from_an_empty_folder(home, installed, cached_fmus, tmp_path):
     """All scenarios are there, a run and a paper's tables work, nothing is written
     beside them; the wheel builds FMUs with the checkout's bytes."""
@@ -173,6 +174,7 @@ def test_from_an_empty_folder(home, installed, cached_fmus, tmp_path):
     }  # the checkout's bytes
 
 
+@pytest.mark.slow
 def test_from_python(installed):
     """`import desat` imports nothing heavy and offers run, load, draws and tables."""
     code = """
@@ -193,6 +195,7 @@ print(len(drawn["draws"]))
     assert installed("python", "-c", code).split("\n")[:2] == ["(11, 4)", "2"]
 
 
+@pytest.mark.slow
 def test_what_needs_a_checkout_says_so(installed, tmp_path):
     outcome = installed("desat", "design", "uosat12/fig2-mec-1", code=2)
     assert outcome.strip().endswith("--out FILE writes elsewhere")
@@ -237,6 +240,7 @@ def newcomer(home, cached_fmus, tmp_path):
     assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < MOST
 
 
+@pytest.mark.slow
 def test_a_newcomer_flies_and_sizes_a_craft(newcomer, tmp_path):
     answer = json.loads(newcomer("run my12u --stop 600 --json --no-baseline"))
     assert answer["status"] == "completed"
@@ -247,6 +251,7 @@ def test_a_newcomer_flies_and_sizes_a_craft(newcomer, tmp_path):
     assert (tmp_path / "runs" / "size-my12u.html").is_file()
 
 
+@pytest.mark.slow
 def test_a_newcomer_chooses_a_law_of_all_and_of_her_own(newcomer, tmp_path):
     newcomer("new law my_law")
     answer = json.loads(
@@ -257,6 +262,7 @@ def test_a_newcomer_chooses_a_law_of_all_and_of_her_own(newcomer, tmp_path):
     assert (tmp_path / answer["page"]).is_file()
 
 
+@pytest.mark.slow
 def test_a_newcomer_is_sure_by_a_campaign(newcomer, tmp_path):
     answer = newcomer("campaign my12u -n 4 --stop 120", code=1)
     assert "4 of 4 completed" in answer
@@ -267,6 +273,7 @@ def test_a_newcomer_is_sure_by_a_campaign(newcomer, tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_the_pages_of_the_wheel_have_what_they_link_to(installed):
     """Other pages, pictures and the table of interfaces."""
     code = "from desat.files import paths; print(paths.PAGES)"

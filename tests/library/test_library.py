@@ -161,6 +161,7 @@ def test_a_run_plots_what_is_named(tmp_path) -> None:
         run.plot("momentum", tmp_path / "h.gif")
 
 
+@pytest.mark.slow
 def test_a_craft_is_begun_compared_and_tuned_by_a_program(tmp_path) -> None:
     craft = str(library.new(tmp_path / "mine", size="3U", altitude="500km"))
     with pytest.raises(

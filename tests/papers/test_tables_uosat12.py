@@ -54,6 +54,7 @@ PROTOTYPE = {
 }
 
 
+@pytest.mark.slow
 def test_every_banded_cell_is_within(rows):
     banded = [r for r in rows if r["band"]]
     # Tables 2 and 3, then what is beyond: three methods, two of them with MEC, and the

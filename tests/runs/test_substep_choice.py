@@ -92,6 +92,7 @@ def holds(manifest, error):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_auto_on_the_gyrostats(name):
     (error, _), manifest = fly(f"gyrostat/{name}", substeps=AUTO)
@@ -163,6 +164,7 @@ def random_craft(seed):
     return "gyrostat/pulses", values
 
 
+@pytest.mark.slow
 def test_auto_on_random_craft():
     """Five that nothing was tuned with. One is refused only where the reference itself
     takes a change of its start, of a hundredth of `accuracy`, beyond `accuracy`."""
@@ -591,6 +593,7 @@ def test_draws_sweeps_and_campaigns_take_substeps_as_a_run_does(desat, tmp_path)
     )
 
 
+@pytest.mark.slow
 def test_a_new_craft_states_an_error_that_is_not_exceeded(tmp_path, monkeypatch):
     """At a loose accuracy by short flights: stated, and at most a few times too large."""
     monkeypatch.chdir(tmp_path)
@@ -668,6 +671,7 @@ def test_a_raised_estimate_needs_no_second_flight_below_the_accuracy():
     assert substep_choice._grown(choice, reached(2.0, 1e-3, 1e-3)) is None
 
 
+@pytest.mark.slow
 def test_a_craft_that_loses_its_attitude_runs_and_says_that_it_is_not_resolved(
     tmp_path, monkeypatch
 ):
@@ -707,6 +711,7 @@ def test_a_look_from_many_substeps_on_ends_where_none_is_accurate_enough(
 # --- many cases -----------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "inputs", [{"size": "6U"}, {"size": "3U", "altitude": "550km"}]
 )

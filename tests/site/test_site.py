@@ -165,6 +165,7 @@ def cache(tmp_path_factory) -> Path:
     return tmp_path_factory.mktemp("cache")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", SCRIPTS, ids=lambda p: p.stem)
 def test_a_page_does_what_it_says(page, cache, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -258,6 +259,7 @@ def reached(html: Path) -> set[str]:
     return seen
 
 
+@pytest.mark.slow
 def test_the_site_builds_in_a_minute_every_page_is_reached_and_none_needs_a_network(
     tmp_path,
 ):
@@ -303,6 +305,7 @@ def test_the_site_builds_in_a_minute_every_page_is_reached_and_none_needs_a_netw
         ), file.name
 
 
+@pytest.mark.slow
 def test_the_notebook_gives_its_outputs(tmp_path):
     """Every cell runs, and prints and shows what is stored."""
     nbformat = pytest.importorskip("nbformat")

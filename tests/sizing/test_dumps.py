@@ -155,6 +155,7 @@ def test_a_craft_whose_dumps_wait_keeps_its_attitude(tmp_path):
     assert "Time between two dumps, mean, momentum that a dump takes out" in str(row[0])
 
 
+@pytest.mark.slow
 def test_rates_are_of_the_weeks_between_dumps(tmp_path):
     """Its first dump comes after a week; node and Sun move meanwhile."""
     facts = replace(
@@ -173,6 +174,7 @@ def test_rates_are_of_the_weeks_between_dumps(tmp_path):
     assert short.steady.first == pytest.approx(long.steady.first, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_numbers_of_a_sentence_are_of_one_condition(tmp_path):
     write(tmp_path / "c", LOW, "")
     found = size_dumps(str(tmp_path / "c"), Options(), SizingRequirements(flown=False))
@@ -206,6 +208,7 @@ def test_a_craft_with_rods_and_thrusters_is_told_which_suffices(
     assert f"Its rods of {rods} A m2 {text}" in found.answer
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dump", ["thrusters 70:10", None])
 def test_what_is_computed_after_a_run_takes_less_than_its_flight(tmp_path, dump):
     """A month of a craft with rods and thrusters: no programme over all its samples."""
@@ -328,6 +331,7 @@ def sizing(geo) -> dumps.DumpSizing:
     return dumps.size(geo, Options(), SizingRequirements(flown=False))
 
 
+@pytest.mark.slow
 def test_the_geo_of_the_notes_is_sized_from_one_line(sizing):
     """76.9 uN m on 20 March 2027, 71.4 (12 June) to 80.3 (19 February) over the year, 0.918 dumps a
     week, 1.038 kg a year flown and 0.749 at least, by hand-made files and other code."""
@@ -373,6 +377,7 @@ def test_the_pictures_of_a_sizing_are_of_its_numbers(sizing, tmp_path):
         assert caption in text
 
 
+@pytest.mark.slow
 def test_the_model_is_within_5_percent_of_the_closed_loop(tmp_path):
     """A craft in low orbit with thrusters alone, for it dumps often: 3 days, seven
     dumps."""
@@ -392,6 +397,7 @@ def test_the_model_is_within_5_percent_of_the_closed_loop(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_wheels_of_the_weekly_capacity_dump_once_a_week(sizing, tmp_path):
     """50 N m s dump 0.918 times a week, so that 45.9 N m s dump once."""
     assert sizing.weekly == pytest.approx(45.9, rel=0.05)
@@ -507,6 +513,7 @@ def test_a_craft_file_is_no_scenario_and_says_which_there_are(tmp_path):
         prepare(str(tmp_path / "mine" / "craft.toml"), Options())
 
 
+@pytest.mark.slow
 def test_aligned_dumps_are_sized_as_they_fly_and_save_a_quarter(tmp_path):
     """LANE: 0.769 kg a year where dumps wait until |h|_1 / |h| is 1.03, 26 % less than
     without."""

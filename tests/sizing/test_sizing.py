@@ -344,6 +344,7 @@ def reference_sizing():
     )
 
 
+@pytest.mark.slow
 def test_the_model_follows_the_closed_loop(reference_sizing):
     flight = [row for row in reference_sizing.curve if row.loop_rms is not None]
     assert [round(row.multiple, 6) for row in flight][:1] == [1.3]
@@ -536,6 +537,7 @@ def test_the_torque_of_an_independent_estimate():
 # --- crafts that nobody chose; all ten and a day each: `make sizing`, docs/sizing.md --
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [1, 6])
 def test_unseen_crafts_are_within_5_percent_of_the_closed_loop(kind):
     craft = bench.drawn(10)[kind]
@@ -821,6 +823,7 @@ def test_where_no_law_fits_the_least_rod_is_the_answer():
 # --- the worst day, the worst scenario, propellant by the layout ----------------------
 
 
+@pytest.mark.slow
 def test_a_craft_whose_rods_do_not_hold_on_the_worst_day(tmp_path):
     """It began, green, with the day of the scenario; what is recommended then meets
     that day. `make sizing` tries thirty crafts so."""

@@ -104,6 +104,7 @@ def test_runs_of_other_length_are_warned_of(desat, craft):
     assert "warning: mine ends at 60 s, short at 120 s" in outcome.stderr
 
 
+@pytest.mark.slow
 def test_draws_are_compared_in_pairs(desat, craft):
     """The same as of the draws of both, flown one by one."""
     inputs = ["-n", "7", "--stop", "100", "--json", "--jobs", "1"]
@@ -367,6 +368,7 @@ def orbits(tmp_path_factory):
     )
 
 
+@pytest.mark.slow
 def test_the_time_to_empty_does_not_depend_on_the_other_laws(orbits):
     folder, ranking = orbits
     k = [c.name for c in ranking.by].index("emptying")
@@ -437,6 +439,7 @@ def test_where_all_laws_do_the_plainest_is_named(orbits):
     assert replace(ranking, ranked=(full, *ranking.ranked[1:])).plainest is None
 
 
+@pytest.mark.slow
 def test_laws_are_ranked_over_samples(orbits, desat):
     """Numbers of a sample are those of the run with its values."""
     folder, _ = orbits

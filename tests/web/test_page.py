@@ -36,7 +36,7 @@ from desat.system.parameters import parse_assignment
 from desat.web import module, page
 from desat.web.script import numpy_source, script
 from desat.web.sliders import asked_of, usual, usual_of
-from tests.conftest import wait_until
+from tests.conftest import slow_after, slow_value, wait_until
 
 NODE = shutil.which("node")
 needs_node = pytest.mark.skipif(NODE is None, reason="no node")
@@ -325,8 +325,8 @@ def alike(found: dict[str, Any], run: Run, within: float) -> list[str]:
 
 @needs_node
 @needs_zig
-@pytest.mark.parametrize("law", [0, 1])
-@pytest.mark.parametrize("moved", [{}, MOVED], ids=["as it is", "moved"])
+@pytest.mark.parametrize("law", slow_after(1, [0, 1]))
+@pytest.mark.parametrize("moved", [slow_value({}), MOVED], ids=["as it is", "moved"])
 def test_a_flight_is_that_of_a_run_with_what_follows_from_sliders(
     exported_page, craft, law, moved
 ):
@@ -409,7 +409,7 @@ CONDITIONS = {
 
 @needs_node
 @needs_zig
-@pytest.mark.parametrize("kind", CONDITIONS)
+@pytest.mark.parametrize("kind", slow_after(1, CONDITIONS))
 def test_a_flight_ends_where_the_run_ends(craft, tmp_path, kind):
     """By `stop_when`, as the scenario has it and with a slider moved."""
     name, condition, moved = CONDITIONS[kind]
@@ -453,6 +453,7 @@ def text_of(slider: dict[str, Any], value: float, values: dict[str, Any]) -> str
     return full.value_text(value, values[next(t for t in full.targets if t in values)])
 
 
+@pytest.mark.slow
 @needs_zig
 def test_the_same_page_comes_out_again_and_needs_no_server(exported_page, craft):
     answer, laws = exported_page
@@ -1038,6 +1039,7 @@ class Tab:
         return list(self.tab.locator("#warnings li").all_inner_texts())
 
 
+@pytest.mark.slow
 @needs_zig
 @pytest.mark.parametrize("law", ["cross product", *LAWS])
 def test_an_arrow_on_a_slider_stays_in_the_range_of_the_law(
