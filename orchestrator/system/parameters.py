@@ -15,6 +15,7 @@ from typing import Any, cast
 from desat.components.contract import units
 from desat.components.contract.block import Scalar
 from desat.components.contract.units import Unit, conversion
+from desat.fmus.registry import block_class
 
 from .errors import DesatError, nearest
 from .interface import Interface, Signal
