@@ -80,6 +80,12 @@ class Analysis:
 
     def applies(self, system: System) -> Any:
         """Return the parts of a system; None where it has none, or lacks their states."""
+        if self.KEY not in system.parts_of_analyses:
+            system.parts_of_analyses[self.KEY] = self._parts(system)
+        return system.parts_of_analyses[self.KEY]
+
+    def _parts(self, system: System) -> Any:
+        """Find the parts of a system, as `applies` returns them."""
         parts = self._module.applies(system)
         late = {} if parts is None else find_late_states(system)
         if not late:

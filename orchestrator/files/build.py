@@ -50,7 +50,8 @@ def build(
     if designed:
         own_values = scenario.parameters(designed=False)
         draft.assign(_design_values(designed, own_values))
-    _add_options(draft, options, _drawn_origins(draft, scenario, options))
+    drawn = _drawn_origins(draft, scenario, options) if options.values else {}
+    _add_options(draft, options, drawn)
     if options.fmus != "native":
         draft.components = {
             name: replace(c, fmu=c.fmu and library.of_kind(c.fmu, options.fmus))
@@ -77,9 +78,10 @@ def read_wiring(scenario: Scenario, options: Options) -> Draft:
     for key, read in (("ssd", ssp.read), ("craft", craft.read)):
         if name := getattr(content, key):
             if not (file := scenario.folder / name).exists():
-                at = ": ".join(scenario.origin_of((key,)))
                 folder = paths.shown(scenario.folder)
-                raise DesatError(f"{at} = {name!r}: no such file in {folder}")
+                raise DesatError(
+                    f"{scenario.origin(key)} = {name!r}: no such file in {folder}"
+                )
             return read(file, options)
     for name, read in ((craft.FILE, craft.read), (ssp.FILE, ssp.read)):
         if (file := scenario.folder / name).exists():
@@ -94,11 +96,7 @@ def _add_scenario(
     draft: Draft, scenario: Scenario, options: Options, designed: bool
 ) -> None:
     """Add times, FMUs and values of a scenario; `designed` those of its design, too."""
-    content = scenario.content
-
-    def at(*key: str) -> str:
-        return ": ".join(scenario.origin_of(key))
-
+    content, at = scenario.content, scenario.origin
     draft.name, draft.about = scenario.name, content
     draft.substeps = content.substeps or draft.substeps
     draft.accuracy = content.accuracy or draft.accuracy
@@ -139,11 +137,7 @@ def _set_time(draft: Draft, key: str, time: float, origin: str) -> None:
 
 def _scenario_values(scenario: Scenario, designed: bool) -> Iterator[Assignment]:
     """Yield the values of a scenario and, with `designed`, of its design below them."""
-    content = scenario.content
-
-    def at(*key: str) -> str:
-        return ": ".join(scenario.origin_of(key))
-
+    content, at = scenario.content, scenario.origin
     for name, value in content.shared.items():
         yield Assignment(SHARED, name, value, at("shared", name))
     if content.epoch is not None:

@@ -78,6 +78,10 @@ class Scenario:
             return paths.shown(self.design), ".".join(path)
         return _place_of(self.origins, path, paths.shown(self.file))
 
+    def origin(self, *path: str) -> str:
+        """Return file and key that give a value, as one text."""
+        return ": ".join(self.origin_of(path))
+
     @property
     def family(self) -> str:
         """Return the folder of ssp/ to which it belongs."""
@@ -447,7 +451,9 @@ def _ours(name: str, place: str, origins: Origins, seen: tuple[Path, ...]) -> To
             raise DesatError(f"{place}: extends: {error}") from error
         data = copy(scenario.content.data)
         origins.update(scenario.origins)
-    if "design" in data:  # the design stays that of the scenario for which it was made
+    if isinstance(
+        data.get("design"), dict
+    ):  # the design stays that of the scenario for which it was made
         data["design"].setdefault("of", stem)
     return {**data, "family": family}
 

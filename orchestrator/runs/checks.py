@@ -75,7 +75,7 @@ def run_checks(case: Case, *levels: Level) -> None:
 def check_draft(
     draft: Draft, options: Options | None = None, scenario: Scenario | None = None
 ) -> Case:
-    """Complete a draft, and check its structure alone.
+    """Complete a draft, check its structure and order its exchange.
 
     Parameters
     ----------
@@ -90,6 +90,12 @@ def check_draft(
         scenario = Scenario(NOTHING, Path(draft.place), Path())
     case = Case.of_draft(scenario, options or Options(), draft)
     run_checks(case, "structure")
+    if case.system is not None and not case.problems:
+        try:
+            case.schedule = schedule_of(case.system, case.options.breaks_loops)
+            case.warnings += case.schedule.warnings
+        except DesatError as error:
+            case.problems += str(error).splitlines()
     return case
 
 
@@ -133,22 +139,9 @@ def without_effect(case: Case) -> Lines:
     return check.without_effect(case.system, case.unwired)
 
 
-def order(case: Case) -> Iterator[str]:
-    """Order the exchange of a case without problems; yield what prevents that."""
-    assert case.system is not None
-    if case.problems:
-        return
-    try:
-        case.schedule = schedule_of(case.system, case.options.breaks_loops)
-    except DesatError as error:
-        yield from str(error).splitlines()
-
-
-def order_warnings(case: Case) -> Lines:
-    """Yield the warnings of the schedule, and an option without effect on it."""
-    assert case.schedule is not None
-    yield from case.schedule.warnings
-    if case.options.solve_loops and not case.schedule.loops:
+def loops(case: Case) -> Iterator[str]:
+    """Yield a line if loops are to be solved and there is none."""
+    if case.options.solve_loops and case.schedule and not case.schedule.loops:
         yield "--solve-loops: there is no algebraic loop"
 
 
@@ -257,9 +250,8 @@ CHECKS = (
     Check("problem", lambda case: case.foreseen[0], "system", "structure"),
     Check("warning", lambda case: case.foreseen[1], "system", "structure"),
     Check("note", open_ends, "system", "structure"),
-    Check("problem", order, "system", "structure"),
-    Check("warning", of_system(check.values_of_another_craft), level="structure"),
-    Check("warning", order_warnings, level="structure"),
+    Check("warning", of_system(check.values_of_another_craft)),
+    Check("warning", loops),
     Check("problem", faults_as("problem"), "nothing"),
     Check("warning", faults_as("warning"), "nothing"),
     Check("problem", of_run(library.problems), "system"),

@@ -19,7 +19,7 @@ from ..system.model import System
 from ..system.options import NOW, Options, orbits
 from ..system.parameters import bare_block
 from .case import Case
-from .checks import run_checks
+from .checks import check_draft, run_checks
 from .provider import provider
 
 
@@ -72,8 +72,8 @@ def prepare(target: str | Scenario, options: Options) -> Case:
     options = with_stop(source, options)
     if options.design is None and options.values and source.each_draw:
         options = replace(options, design=NOW)
-    case = Case.of_draft(source, options, draft_of(source, options))
-    run_checks(case, "structure", "run")
+    case = check_draft(draft_of(source, options), options, source)
+    run_checks(case, "run")
     return case
 
 

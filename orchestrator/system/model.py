@@ -259,6 +259,10 @@ class System:
     takers: Mapping[tuple[str, str], str] = field(init=False, repr=False, compare=False)
     # the outputs that are read, by component and array
     read: Set[tuple[str, str]] = field(init=False, repr=False, compare=False)
+    # what each analysis has found in it, by the key of the analysis
+    parts_of_analyses: dict[str, Any] = field(
+        init=False, repr=False, compare=False, default_factory=dict
+    )
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parts", 1 if self.substeps == AUTO else self.substeps)
