@@ -57,6 +57,7 @@ from ..files.hardware import (
     quantity,
     walk,
 )
+from ..system import cyclic
 from ..system.errors import DesatError, choices, plain
 from ..system.model import AUTO, J2000
 from ..system.quantity import Quantity, is_number
@@ -66,7 +67,7 @@ from ..system.sampled_loop import (
     longest_sample,
     worst_momentum,
 )
-from . import coils, cyclic
+from . import coils
 from .body import body_of
 from .facts import CraftFacts
 from .orbits import Orbit, epoch_of, orbit_of

@@ -26,6 +26,7 @@ from ..analyses import (
     plausibility,
     residual,
     sampling,
+    unmanaged_orbit,
     wheels,
 )
 from ..engine.instances.isolated import CAN
@@ -267,7 +268,6 @@ CHECKS = (
     Check("problem", of_system(accounts.problems)),
     Check("problem", of_system(management.problems)),
     Check("problem", of_system(needs.problems)),
-    Check("problem", of_system(plausibility.problems)),
     Check("problem", of_system(attitude_loop.problems)),
     Check("warning", of_system(library.unused_warnings)),
     Check("warning", of_system(library.step_warnings)),
@@ -284,6 +284,8 @@ CHECKS = (
     Check("warning", of_system(sampling.warnings)),
     Check("warning", of_system(late_state_warnings)),
     Check("warning", exchange_warnings),
+    Check("problem", of_system(unmanaged_orbit.dump_problems), level="study"),
+    Check("warning", of_system(unmanaged_orbit.warnings), level="study"),
     Check("problem", of_system(attitude_loop.problems_when_full), level="study"),
     Check("problem", lambda case: case.trial[0], level="study"),
     Check("warning", lambda case: case.trial[1], level="study"),

@@ -36,7 +36,7 @@ from desat.components.bases.dumping import DUMPING
 from desat.components.blocks.manager_threshold import ManagerThreshold
 from desat.components.physics.orbit import MU
 
-from ..analyses import attitude_loop, wheels
+from ..analyses import attitude_loop, unmanaged_orbit, wheels
 from ..analyses.flight import (
     Attitude,
     Flight,
@@ -342,6 +342,8 @@ def size(
         raise DesatError(
             f"{target}: its manager does not dump by thrusters between thresholds"
         )
+    if lines := list(unmanaged_orbit.dump_problems(system)):
+        raise DesatError("\n".join(lines))
     hardware, values = hardware_of(system), values_of(system)
     law = _law_of(system)
     cost, isp = _cost_of_thrusters(target, system, hardware, requirements)

@@ -8,7 +8,7 @@ from math import pi
 
 import numpy as np
 
-from ..analyses import attitude_loop, plausibility
+from ..analyses import attitude_loop, plausibility, unmanaged_orbit
 from ..analyses.flight import Flight, flight_of, series_for
 from ..files.paths import NOMINAL
 from ..files.scenario import Scenario
@@ -81,7 +81,8 @@ LOOP_PARAMETERS = {
 
 def doubts(system: System) -> list[str]:
     """Return warnings on improbable values of a craft, as `check` and `run` do."""
-    return [*plausibility.warnings(system), *attitude_loop.warnings(system)]
+    checks = (plausibility, unmanaged_orbit, attitude_loop)
+    return [line for of in checks for line in of.warnings(system)]
 
 
 def closed_loop_only(system: System, options: Options) -> Iterator[str]:

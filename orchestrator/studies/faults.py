@@ -21,8 +21,8 @@ import numpy as np
 
 from desat.components.blocks.disturbance_table import ROWS
 
-from ..analyses.plausibility import mean_torque
 from ..analyses.sampling import mean_field, orbit_period
+from ..analyses.unmanaged_orbit import mean_torque
 from ..campaign.draws import RunRow, rows_of
 from ..files.io import replace_text
 from ..files.scenario import Scenario

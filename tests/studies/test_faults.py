@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from desat import faults as desat_faults
-from desat.analyses.plausibility import mean_torque
+from desat.analyses.unmanaged_orbit import mean_torque
 from desat.begin import craft as new_craft
 from desat.begin.facts import CraftFacts
 from desat.campaign.draws import RunRow
