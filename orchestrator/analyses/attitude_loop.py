@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 CONTROLLERS = ("controller_pid", "controller_pd")
 
 
-class Condition(NamedTuple):
+class LoopCondition(NamedTuple):
     """Wheel momentum at which the loop is evaluated."""
 
     name: str  # for messages
@@ -106,18 +106,20 @@ def _sample(sensor: Component | None, step: float) -> float:
 
 def conditions(
     system: System, loop: AttitudeLoop, body: RigidBody
-) -> Iterator[Condition]:
+) -> Iterator[LoopCondition]:
     """Evaluate a loop with wheels at rest, as they start, and full."""
-    yield Condition("with wheels at rest", np.zeros(3), stability(loop, np.zeros(3)))
+    yield LoopCondition(
+        "with wheels at rest", np.zeros(3), stability(loop, np.zeros(3))
+    )
     start = axes_of(body.wheels.component.values) @ body.wheels.h_start
     if start.any():
-        yield Condition(
+        yield LoopCondition(
             "with the wheels' momentum at the start", start, stability(loop, start)
         )
     each, name = _full(system, body)
     if np.isfinite(each).all():
         momentum, found = worst_momentum(loop, body.wheels.axes, each)
-        yield Condition(name, momentum, found, full=True)
+        yield LoopCondition(name, momentum, found, full=True)
 
 
 def _full(system: System, body: RigidBody) -> tuple[Array, str]:
@@ -173,12 +175,12 @@ def warnings(system: System) -> Iterator[str]:
 
 # conditions of the last systems, by all that matters for them
 _KNOWN: dict[
-    tuple[object, ...], list[Condition]
+    tuple[object, ...], list[LoopCondition]
 ] = {}  # of the last systems, by all that counts
 MOST_KNOWN = 64
 
 
-def _looked_at(system: System) -> Iterator[tuple[Condition, AttitudeLoop]]:
+def _looked_at(system: System) -> Iterator[tuple[LoopCondition, AttitudeLoop]]:
     """Yield each condition of a system's loop, if it has one of our blocks.
 
     The conditions of the last systems are cached.
@@ -207,7 +209,7 @@ def _looked_at(system: System) -> Iterator[tuple[Condition, AttitudeLoop]]:
 
 
 def _line(
-    system: System, loop: AttitudeLoop, condition: Condition, finding: str
+    system: System, loop: AttitudeLoop, condition: LoopCondition, finding: str
 ) -> str:
     """Build the line on a condition, with a sample time that would suffice."""
     controller, body = craft_of(system).controller, craft_of(system).rigid_body

@@ -76,7 +76,7 @@ REMEDY = "--substeps auto chooses their number and states the error"
 
 
 @dataclass(frozen=True)
-class Body:
+class WheeledBody:
     """Rigid body with wheels.
 
     It has the inertia without the wheels' axial part (3, 3; kg m2), the axes of the
@@ -106,7 +106,7 @@ class Body:
         )
 
 
-def body_of(system: System) -> Body | None:
+def body_of(system: System) -> WheeledBody | None:
     """Return the rigid body with wheels of a checked system, or None without one.
 
     None also where the inertia is not that of a body, which is reported when it starts.
@@ -115,7 +115,7 @@ def body_of(system: System) -> Body | None:
     if body is None or not body.is_possible:
         return None
     wheels = body.wheels
-    return Body(
+    return WheeledBody(
         body.carrier,
         body.axes,
         wheels.h_start,
@@ -133,7 +133,7 @@ def bound(system: System) -> StepCriteria | None:
     return None if body is None else _criteria(system, body)[0]
 
 
-def _criteria(system: System, body: Body) -> tuple[StepCriteria, str]:
+def _criteria(system: System, body: WheeledBody) -> tuple[StepCriteria, str]:
     """Compute the two numbers, and name the actuator with the largest kick."""
     omega = np.array(
         system.components[body.spacecraft].values.get("omega_start_body", (0.0,) * 3)
@@ -145,7 +145,9 @@ def _criteria(system: System, body: Body) -> tuple[StepCriteria, str]:
     return StepCriteria(turn, kicks.get(actuator, 0.0)), actuator
 
 
-def _kicks(system: System, body: Body, step: float) -> Iterator[tuple[str, float]]:
+def _kicks(
+    system: System, body: WheeledBody, step: float
+) -> Iterator[tuple[str, float]]:
     """Yield each actuator that acts on the body, and its largest turn in a step.
 
     The turn is in rad.
@@ -160,7 +162,7 @@ def _kicks(system: System, body: Body, step: float) -> Iterator[tuple[str, float
             yield name, step**2 * float(body.pushed(torques).max())
 
 
-def _torques(system: System, name: str, body: Body) -> Iterator[Any]:
+def _torques(system: System, name: str, body: WheeledBody) -> Iterator[Any]:
     """Yield the largest torques (3,; N m, body) of a component."""
     component = system.components[name]
     has, values = component.interface.arrays.keys(), component.values
@@ -268,7 +270,7 @@ class Reached:
 
 
 def reached_by(
-    body: Body, times: Array, q: Array, omega: Array, h: Array, impulse: Array
+    body: WheeledBody, times: Array, q: Array, omega: Array, h: Array, impulse: Array
 ) -> Reached:
     """Compute the motions of a body from its states at times (n,; s).
 
@@ -306,7 +308,7 @@ def applies(system: System) -> StepParts | None:
     return None if body is None else _step_parts(system, body)
 
 
-def _step_parts(system: System, body: Body) -> StepParts:
+def _step_parts(system: System, body: WheeledBody) -> StepParts:
     """Collect the series to inspect after a run, and the parameters of the body."""
     craft, wheels = body.spacecraft, system.components[body.wheels]
     series = [
@@ -335,7 +337,7 @@ def of_run(parts: StepParts | None, results: Results) -> Reached | None:
     times = results.times(parts.series[0])
     if len(times) < 3:
         return None
-    body = Body(np.array(parts.carrier), np.array(parts.axes_wheel), np.zeros(4))
+    body = WheeledBody(np.array(parts.carrier), np.array(parts.axes_wheel), np.zeros(4))
     q, omega, h, impulse = (results.values(name) for name in parts.series)
     return reached_by(body, times, q, omega, h, impulse)
 

@@ -299,7 +299,7 @@ class Totals:
         return mismatch, block.energy[1:]
 
 
-class Balance(NamedTuple):
+class EnergyBalance(NamedTuple):
     """Balance at the rows of a run: times (s), energy beyond the work (J), totals."""
 
     times: Array
@@ -307,7 +307,7 @@ class Balance(NamedTuple):
     totals: Totals
 
 
-def balance(manifest: Manifest, results: Results) -> Balance | None:
+def balance(manifest: Manifest, results: Results) -> EnergyBalance | None:
     """Compute the energy balance of a run from its rows, once.
 
     None as for `blocks_of`.
@@ -315,7 +315,7 @@ def balance(manifest: Manifest, results: Results) -> Balance | None:
     return results.once(KEY, lambda: _balance(manifest, results))
 
 
-def _balance(manifest: Manifest, results: Results) -> Balance | None:
+def _balance(manifest: Manifest, results: Results) -> EnergyBalance | None:
     """Compute the energy balance of a run from its rows.
 
     The mismatch is energy (J) less the work of all torques since the start.
@@ -327,7 +327,7 @@ def _balance(manifest: Manifest, results: Results) -> Balance | None:
         return None
     rows = np.concatenate(mismatch)
     times = manifest.start + manifest.step * np.arange(len(rows), dtype=np.float64)
-    return Balance(times, rows, totals)
+    return EnergyBalance(times, rows, totals)
 
 
 def totals_of(manifest: Manifest, results: Results) -> Totals | None:
@@ -511,6 +511,7 @@ class OnlineBalance:
     """
 
     def __init__(self, system: System, parts: EnergyParts, parameters: Table) -> None:
+        """Choose the states that a balance needs at each substep of a run."""
         assert isinstance(system.substeps, int), "it is chosen when a run begins"
         self._step, self._inner = system.step, system.substeps
         self._parameters = parameters[parts.spacecraft]

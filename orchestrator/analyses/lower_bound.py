@@ -208,6 +208,7 @@ class _Truth:
     def __init__(
         self, manifest: Manifest, results: Results, parts: ThrusterParts
     ) -> None:
+        """Read attitude, field, momentum and torques of a run, interpolated in time."""
         self._parameters = {
             role: manifest.values_of(c) for role, c in vars(parts).items()
         }

@@ -527,7 +527,7 @@ def compare(manifest: Manifest, results: Results) -> tuple[float, float] | None:
     )
 
 
-class Balance(NamedTuple):
+class MomentumBalance(NamedTuple):
     """Wheel momentum with management, and estimated without it."""
 
     times: Array
@@ -538,7 +538,7 @@ class Balance(NamedTuple):
     inverse: Array  # (wheels, 3), pseudoinverse of their axes
 
 
-def balance(manifest: Manifest, results: Results) -> Balance | None:
+def balance(manifest: Manifest, results: Results) -> MomentumBalance | None:
     """Compute the wheel momentum with management and without, once for a run.
 
     None where too little is recorded or known.
@@ -546,7 +546,7 @@ def balance(manifest: Manifest, results: Results) -> Balance | None:
     return results.once("managed", lambda: _balance(manifest, results))
 
 
-def _balance(manifest: Manifest, results: Results) -> Balance | None:
+def _balance(manifest: Manifest, results: Results) -> MomentumBalance | None:
     """Compute the balance of wheel momentum from the series.
 
     None without a constant target, with scheduled firings, for another algorithm than
@@ -592,7 +592,7 @@ def _balance(manifest: Manifest, results: Results) -> Balance | None:
     stored = h @ axes.T
     without = unmanaged(q, impulse, stored, body, managed)
     there = existing(known_wheels)
-    return Balance(
+    return MomentumBalance(
         times,
         stored,
         without,

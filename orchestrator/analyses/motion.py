@@ -82,6 +82,7 @@ class Steps:
     outer: Torque | None = None  # external torque; None: its mean, by the impulse
 
     def __post_init__(self) -> None:
+        """Compute momentum (N m s, eci) and external torque (N m, body) of each step."""
         self.inverse = np.linalg.inv(self.carrier)
         self.gained = np.diff(self.impulse, axis=0)
         spin = self.omega @ self.carrier.T + self.h @ self.axes.T
@@ -267,6 +268,7 @@ class _ExternalTorque:
     def __init__(
         self, values: Mapping[str, Any], x: dict[str, Array], dt: float | Array
     ) -> None:
+        """Prepare gravity gradient and plates of a body over steps of dt (s)."""
         self._values = values
         self._x = x
         self._dt = dt

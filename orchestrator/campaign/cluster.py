@@ -97,13 +97,13 @@ def _plugin(plan: CampaignPlan, data: bytes) -> Any:
     """Build the plugin that gives every worker the system once, also later ones."""
     from distributed import WorkerPlugin
 
-    class System(WorkerPlugin):  # type: ignore[misc]
+    class ShippedSystem(WorkerPlugin):  # type: ignore[misc]
         name = f"desat-{plan.digest}"
 
         def setup(self, worker: Any) -> None:
             keep(plan, data)
 
-    return System()
+    return ShippedSystem()
 
 
 def other(there: Mapping[str, str], here: Mapping[str, str]) -> str:
@@ -185,6 +185,10 @@ class Cluster:
     """
 
     def __init__(self, address: str, plan: CampaignPlan) -> None:
+        """Connect to the scheduler at an address and send the system to its workers.
+
+        Raises DesatError if there is none, or if its packages differ.
+        """
         try:
             import distributed
         except ImportError as error:

@@ -428,7 +428,7 @@ def _name_of(plan: CampaignPlan, found: CampaignSummary) -> str:
     return title or Path(found.target).name.removesuffix(".toml")
 
 
-class _Figure(NamedTuple):
+class _PageFigure(NamedTuple):
     """Figure of the report, with the commands of the cases that it names."""
 
     caption: str
@@ -436,7 +436,9 @@ class _Figure(NamedTuple):
     commands: Sequence[str] = ()
 
 
-def _figures(folder: Path, plan: CampaignPlan, found: CampaignSummary) -> list[_Figure]:
+def _figures(
+    folder: Path, plan: CampaignPlan, found: CampaignSummary
+) -> list[_PageFigure]:
     """Draw the curves of a campaign, and its strongest drivers as scatter plots."""
     figures = [*_curves(folder, plan)]
     table = store.read(folder)
@@ -454,7 +456,7 @@ def _figures(folder: Path, plan: CampaignPlan, found: CampaignSummary) -> list[_
         unit = described.get(f"in.{driver.input.partition('[')[0]}", {}).get("unit", "")
         below = axis_label(_of_input(plan, driver.input), unit, 6.0)
         figures.append(
-            _Figure(caption, scattered({"": (x, y)}, below, label, size=2.0))
+            _PageFigure(caption, scattered({"": (x, y)}, below, label, size=2.0))
         )
     return figures
 
@@ -555,7 +557,7 @@ def _limits(plan: CampaignPlan, plot: Plot, unit: str) -> list[tuple[str, float]
     return list({abs(value): (name, abs(value)) for name, value, _ in found}.values())
 
 
-def _curves(folder: Path, plan: CampaignPlan) -> list[_Figure]:
+def _curves(folder: Path, plan: CampaignPlan) -> list[_PageFigure]:
     """Draw the percentiles of the envelopes that the cases keep."""
     drafted = system(plan)
     plots, descriptions = content_of(drafted.about).plots, store.described(folder)
@@ -586,7 +588,7 @@ def _curves(folder: Path, plan: CampaignPlan) -> list[_Figure]:
             title, unit, times, curves, worst, _limits(plan, plot, unit)
         )
         figures.append(
-            _Figure(caption, figure, [rerun(folder, case) for case, _ in worst])
+            _PageFigure(caption, figure, [rerun(folder, case) for case, _ in worst])
         )
     return figures
 

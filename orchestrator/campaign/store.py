@@ -227,6 +227,7 @@ class Store:
     """Rows of a campaign that exist, and the place where further rows go."""
 
     def __init__(self, folder: Path, cases: int) -> None:
+        """Open a campaign's folder for this number of cases, with the rows it has so far."""
         self.folder, self._count = folder, cases
         self._described = described(folder)
         self._open: dict[int, dict[int, CaseRow]] = {}

@@ -184,6 +184,7 @@ class _Worker:
     """Process that takes one call at a time."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
+        """Start a process that calls the function with what is sent to it."""
         # not a fork: all would record their calls in one word (`engine/current_call.py`)
         context = get_context("spawn")
         self.pipe, theirs = context.Pipe()

@@ -72,6 +72,7 @@ class AlgebraicLoop:
         shown: Callable[[Node], list[Publish]],
         judge: Judge,
     ) -> None:
+        """Collect the outputs of the members that feed members, the unknowns of the loop."""
         names = {member.name for member in members}
         slots: dict[int, Slot] = {}
         for member in members:

@@ -55,7 +55,7 @@ _ENDING_KINDS = ("never", "below", "above", "reaches", "always")
 _LOOK, _FAILED, _NOT_FINITE = range(3)
 
 
-class _Table(ctypes.Structure):
+class _CompiledTable(ctypes.Structure):
     """Table of recorded rows of one type, in the layout of `desat_table` in loop.c."""
 
     _fields_ = (
@@ -89,7 +89,7 @@ class _Loop(ctypes.Structure):
         ("taken", ctypes.c_void_p),
         ("times", ctypes.c_void_p),
         ("tables", ctypes.c_int64),
-        ("table", _Table * len(KINDS)),
+        ("table", _CompiledTable * len(KINDS)),
         ("how", ctypes.c_int64),
         ("watched", ctypes.c_int64),
         ("asked", ctypes.c_int64),
@@ -113,6 +113,7 @@ class CompiledSteps:
     def __init__(
         self, master: Master, recorder: Recorder | None, ending: Ending
     ) -> None:
+        """Translate the cycle of a master to a program of the compiled loop."""
         self._run, self._master, self._recorder = (
             _library().desat_loop,
             master,
@@ -305,7 +306,7 @@ class NotCompiledError(Exception):
     """
 
 
-class _Operation(ctypes.Structure):
+class _CompiledOperation(ctypes.Structure):
     """Operation of a step, in the layout of `desat_operation` in loop.c."""
 
     _fields_ = (
@@ -330,6 +331,7 @@ class Program:
     """
 
     def __init__(self, cycle: Sequence[Step]) -> None:
+        """Flatten the operations of a cycle into the table that the compiled loop reads."""
         self._keep: list[Any] = []  # arrays that have no other reference
         self._sources: list[Operation] = []
         rows: list[tuple[_Row, bool]] = []
@@ -342,7 +344,7 @@ class Program:
                     self._sources += [operation] * len(row_indices)
                 edges.append(len(rows))
         self.edges = np.array(edges, np.int64)
-        self.operations = (_Operation * len(rows))()
+        self.operations = (_CompiledOperation * len(rows))()
         for i, ((code, n, pointers, numbers), more) in enumerate(rows):
             place = self.operations[i]
             place.code, place.n, place.more = _CODE[code], n, more and code in _CALLS

@@ -34,7 +34,7 @@ from ..system.errors import DesatError
 from ..system.interface import KINDS, MOVED_KINDS, Kind, Signal
 from ..system.model import Component, Connection, System, Values
 from ..system.options import ALGORITHMS
-from ..system.schedule import Rates, Schedule, graded
+from ..system.schedule import Schedule, StepRates, graded
 from .algebraic_loop import AlgebraicLoop
 from .current_call import (
     ENTER,
@@ -110,6 +110,12 @@ class Master:
         limit: float = inf,
         recording: StepRecording | None = None,
     ) -> None:
+        """Make the instances of a system and plan their exchange in the schedule's order.
+
+        `watched` selects the outputs whose values are kept, `limit` (s) ends a call that does
+        not return, and `recording` keeps states at each substep. Raises DesatError if a
+        component cannot be instantiated.
+        """
         if algorithm not in ALGORITHMS:
             raise DesatError(f"algorithm {algorithm}: there is {', '.join(ALGORITHMS)}")
         self.system, self.schedule, self.algorithm = system, schedule, algorithm
@@ -125,7 +131,7 @@ class Master:
         self._rates = schedule.rates
         if not self._gauss_seidel:
             every = {name: c.step_ratio for name, c in system.components.items()}
-            self._rates = Rates(graded(1), every, frozenset())
+            self._rates = StepRates(graded(1), every, frozenset())
         try:
             places = {name: PLACE * i for i, name in enumerate(schedule.order)}
             for name in sorted(

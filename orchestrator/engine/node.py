@@ -148,6 +148,7 @@ class Outputs:
     """
 
     def __init__(self, members: Iterable[Node]) -> None:
+        """Allot an array to each kind of output, and a number in it to each slot."""
         self.slots: list[Slot] = []
         self.live: dict[Kind, Array] = {}
         self.fresh: dict[Kind, Array] = {}

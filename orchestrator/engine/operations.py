@@ -149,7 +149,7 @@ class Accumulate:
 class Split:
     """Extraction of part i from its window."""
 
-    part: Part
+    part: OperationPart
     i: int
 
     def __call__(self, k: int) -> None:
@@ -250,7 +250,7 @@ class WindowMean:
             self.target.write(self.into, self.mean, self.slope)
 
 
-class Part:
+class OperationPart:
     """Mean and slope of the parts of a window: a slow component's for a faster one."""
 
     def __init__(

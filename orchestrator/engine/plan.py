@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..system.schedule import Rates
+from ..system.schedule import StepRates
 from .instances.base import Array, Clock
 from .node import Node, Outputs, Slot, StepRecording, Window, means
 from .operations import (
@@ -19,7 +19,7 @@ from .operations import (
     Gather,
     Length,
     Operation,
-    Part,
+    OperationPart,
     Publish,
     Split,
     Step,
@@ -39,7 +39,7 @@ class Plan:
         self,
         members: dict[str, Node],
         outputs: Outputs,
-        rates: Rates,
+        rates: StepRates,
         gauss_seidel: bool,
     ) -> None:
         self._members, self._outputs, self._rates = members, outputs, rates
@@ -204,7 +204,7 @@ class Plan:
             slow = self._members[window.source].every
             if slow > member.every:
                 parts = self._rates.window(member.every, slow)
-                cut = Part(self._live, window.places, window.target, parts)
+                cut = OperationPart(self._live, window.places, window.target, parts)
                 cuts.append(Split(cut, part % slow // member.every))
         return cuts
 
@@ -240,7 +240,10 @@ class RowOperation:
     the last of other interval values. Otherwise it has the outputs as they are.
     """
 
-    def __init__(self, outputs: Outputs, members: Iterable[Node], rates: Rates) -> None:
+    def __init__(
+        self, outputs: Outputs, members: Iterable[Node], rates: StepRates
+    ) -> None:
+        """Prepare to gather a row: states at t_k, and intervals over the whole step."""
         self.values = self._live = outputs.live
         self._last = len(rates.parts) - 1
         if not self._last:

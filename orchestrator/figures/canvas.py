@@ -451,6 +451,7 @@ class _Scale:
         return known & ((values > 0.0) | np.isinf(values)) if self._log else known
 
     def __call__(self, values: Any) -> Array:
+        """Convert values of the axis to places on the canvas (pixels)."""
         values = np.asarray(values, float)
         if self._log:
             with np.errstate(divide="ignore", invalid="ignore"):

@@ -51,7 +51,7 @@ STYLE = """
 
 
 @dataclass(frozen=True)
-class Part:
+class DiagramPart:
     """Role of a component, and what it is called; both "" where it has none."""
 
     role: str
@@ -99,7 +99,7 @@ class _Box:
         return self.y + TITLE + ROW * (row + 0.5)
 
 
-def diagram(parts: Mapping[str, Part], wires: Sequence[Wire], title: str) -> str:
+def diagram(parts: Mapping[str, DiagramPart], wires: Sequence[Wire], title: str) -> str:
     """Return the diagram as SVG.
 
     Parameters

@@ -63,7 +63,7 @@ def data_of(figures: Sequence[Figure]) -> JsonObject:
 
 
 def _samples(
-    lines: Sequence[_Line],
+    lines: Sequence[_DrawnLine],
     unit: float,
     points: int,
     is_whole: bool,
@@ -107,7 +107,7 @@ def _pack(values: Array) -> JsonObject:
     }
 
 
-class _Line(NamedTuple):
+class _DrawnLine(NamedTuple):
     """Line, or one of the two edges of an area."""
 
     mark: Mark
@@ -117,7 +117,7 @@ class _Line(NamedTuple):
     edge: bool = False
 
 
-def _lines(ax: Axes) -> list[_Line]:
+def _lines(ax: Axes) -> list[_DrawnLine]:
     """Collect the lines of axes; an area gives two, the lower edge first."""
     bare = _bare(ax)
     lines = []
@@ -125,12 +125,12 @@ def _lines(ax: Axes) -> list[_Line]:
         if _is_area(m):
             half, label = len(m.x) // 2, m.name or m.label or bare
             lines += [
-                _Line(m, m.x[:half], m.y[:half], f"{label}: least", True),
-                _Line(m, m.x[:half], m.y[half:][::-1], f"{label}: most", True),
+                _DrawnLine(m, m.x[:half], m.y[:half], f"{label}: least", True),
+                _DrawnLine(m, m.x[:half], m.y[half:][::-1], f"{label}: most", True),
             ]
         elif _is_line(m):
             x, y = m.full_run or (m.x, m.y)
-            lines.append(_Line(m, x, y, m.name or m.label or bare))
+            lines.append(_DrawnLine(m, x, y, m.name or m.label or bare))
     return lines
 
 
@@ -192,7 +192,7 @@ def _drawable(figure: Figure) -> bool:
 
 
 def _plot(
-    ax: Axes, lines: Sequence[_Line], points: int, grids: dict[bytes, int]
+    ax: Axes, lines: Sequence[_DrawnLine], points: int, grids: dict[bytes, int]
 ) -> JsonObject:
     """Convert a pair of axes to JSON, with its lines thinned to `points` values."""
     seconds = ax.x.seconds

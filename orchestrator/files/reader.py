@@ -15,13 +15,13 @@ from pydantic import ValidationError
 
 from ..language import scenario
 from ..language.content import KEYS, OF_THE_CELL, Content, data_of
-from ..language.kinds import Table
+from ..language.kinds import LanguageTable
 from ..system.errors import DesatError, nearest
 from . import paths
 from .io import TomlTable, at, contents, parsed, text
 from .merge import Keys
 
-T = TypeVar("T", bound=Table)
+T = TypeVar("T", bound=LanguageTable)
 NEEDED = {
     "float_type": "a number",
     "int_type": "a whole number",
@@ -157,7 +157,7 @@ def read_packed(path: Path, place: str) -> Content:
     raise DesatError("\n".join(f"{place}: {text}" for text in wrong))
 
 
-def _text(model: type[Table], path: Keys, error: dict[str, Any]) -> str:
+def _text(model: type[LanguageTable], path: Keys, error: dict[str, Any]) -> str:
     """Describe an error of pydantic in one line."""
     kind, context = error["type"], error.get("ctx", {})
     of_scenario = len(path) == 1 or (path[:1] == ("axes",) and len(path) == 4)
@@ -189,14 +189,14 @@ def _text(model: type[Table], path: Keys, error: dict[str, Any]) -> str:
     return f"got {got}: {error['msg'][0].lower()}{error['msg'][1:]}"
 
 
-def keys(table: type[Table]) -> list[str]:
+def keys(table: type[LanguageTable]) -> list[str]:
     """Return the keys of a table of the language, as they are written."""
     return [field.alias or name for name, field in table.model_fields.items()]
 
 
-def table_at(kind: Any, path: Keys) -> type[Table] | None:
+def table_at(kind: Any, path: Keys) -> type[LanguageTable] | None:
     """Find the table of the language at a path within a type; None without one."""
-    if isinstance(kind, type) and issubclass(kind, Table):
+    if isinstance(kind, type) and issubclass(kind, LanguageTable):
         if not path:
             return kind
         fields = {

@@ -165,7 +165,7 @@ class _Link:
         )
 
 
-class _Value(NamedTuple):
+class _SetValue(NamedTuple):
     """Value of a parameter set, by its name where the set is bound."""
 
     name: str
@@ -176,7 +176,7 @@ class _Value(NamedTuple):
     unit_name: str = ""  # as it is written
     also: str = ""  # file and line of another value of the same name in the set
 
-    def through(self, factor: float, offset: float, converts: bool) -> _Value:
+    def through(self, factor: float, offset: float, converts: bool) -> _SetValue:
         """Apply a transformation to the value.
 
         Raises DesatError if the value is a text.
@@ -202,6 +202,7 @@ class _Reader:
     def __init__(
         self, folder: Path, file: Path, place: str, prefix: str, options: Options
     ) -> None:
+        """Prepare to read a file; `place` and `prefix` name it and its folder in messages."""
         self.options = options
         self.folder, self.file, self.place, self.prefix = folder, file, place, prefix
         self.result = Draft(place)
@@ -213,9 +214,9 @@ class _Reader:
         self.shapes: dict[_End, tuple[int, ...]] = {}  # of those that are arrays
         self.links: list[_Link] = []
         # path where each value is bound; a later value replaces an earlier one
-        self.values: list[tuple[str, _Value]] = []
+        self.values: list[tuple[str, _SetValue]] = []
         # values by component and name, as they reach it
-        self.given: dict[tuple[str, str], _Value] = {}
+        self.given: dict[tuple[str, str], _SetValue] = {}
         self.hints: dict[str, float] = {}  # step (s) of single components, by path
 
     def at(self, element: Any) -> str:
@@ -412,7 +413,7 @@ class _Reader:
         return path.replace(".", "_")
 
     def give(
-        self, path: str, value: _Value, name: str, reached: dict[_End, list[_Link]]
+        self, path: str, value: _SetValue, name: str, reached: dict[_End, list[_Link]]
     ) -> None:
         """Set a value of the component that a name means in a system.
 
@@ -436,7 +437,7 @@ class _Reader:
                 f"{value.at}: {value.name} reaches no component: left out"
             )
 
-    def give_to(self, component: Component, name: str, value: _Value) -> None:
+    def give_to(self, component: Component, name: str, value: _SetValue) -> None:
         """Keep a parameter set's value of a component's parameter; the last counts."""
         self.given[component.name, name] = value
 
@@ -444,7 +445,7 @@ class _Reader:
         """Set the parameters of the components, the structural ones first."""
         draft = self.result
 
-        def is_structural(item: tuple[tuple[str, str], _Value]) -> bool:
+        def is_structural(item: tuple[tuple[str, str], _SetValue]) -> bool:
             (owner, name), _ = item
             return name in draft.components[owner].interface.structural
 
@@ -465,7 +466,7 @@ class _Reader:
                 draft.resize(component)
 
     def assign_value(
-        self, component: Component, name: str, value: _Value, place: str
+        self, component: Component, name: str, value: _SetValue, place: str
     ) -> None:
         """Set a parameter in the unit of its variable.
 
@@ -711,12 +712,12 @@ class _Reader:
             return None, place
         return self.parse(file, place), place
 
-    def bindings(self, element: Any) -> list[_Value]:
+    def bindings(self, element: Any) -> list[_SetValue]:
         """Read the values of the parameter sets bound to a component or system.
 
         Mappings are applied.
         """
-        values: list[_Value] = []
+        values: list[_SetValue] = []
         for binding in element.iterfind(
             f"{{{SSD}}}ParameterBindings/{{{SSD}}}ParameterBinding"
         ):
@@ -731,7 +732,7 @@ class _Reader:
                 continue
             mapped, prefix = self.mapping(binding), binding.get("prefix", "")
             bound: dict[
-                str, _Value
+                str, _SetValue
             ] = {}  # another set may give it, too; then the later one counts
             for parameter in root.iterfind(f"{{{SSV}}}Parameters/{{{SSV}}}Parameter"):
                 value = next(iter(parameter), None)
@@ -743,7 +744,9 @@ class _Reader:
                 )
                 unit = self.unit(value.get("unit"), root, f"{at}: {source}")
                 unit_name = value.get("unit", "")
-                read = _Value(source, self.values_of(value, place), unit, at, unit_name)
+                read = _SetValue(
+                    source, self.values_of(value, place), unit, at, unit_name
+                )
                 for name, factor, offset, converts in mapped.get(
                     source, [(source, 1.0, 0.0, True)]
                 ):
@@ -887,7 +890,7 @@ class _Reader:
 
 
 def _converted_value(
-    value: _Value, signal: Signal, place: str
+    value: _SetValue, signal: Signal, place: str
 ) -> Scalar | str | list[Scalar | str]:
     """Convert a value that was given with a unit to the unit of its variable.
 

@@ -24,7 +24,7 @@ KEYS = (*(name for name, use in _USES.items() if use in TRAVELS), "labels")
 OF_THE_CELL = ("name", "cell", "labels")  # keys besides those of the language
 
 
-class Entry(PaperRow):
+class PaperEntry(PaperRow):
     """Row of a paper's table for one cell."""
 
     values: Maybe[FiniteFloat] = None
@@ -49,13 +49,13 @@ class Content(ScenarioTable):
     _json: Mapping[str, Any] | None = PrivateAttr(default=None)
 
     @cached_property
-    def entries(self) -> dict[str, Entry]:
+    def entries(self) -> dict[str, PaperEntry]:
         """Return the rows of a paper's tables for this cell."""
         rows = of_cell(self.written.get("paper", {}), self.cell)
-        return {name: Entry.model_validate(row) for name, row in rows.items()}
+        return {name: PaperEntry.model_validate(row) for name, row in rows.items()}
 
     @property
-    def judged(self) -> dict[str, Entry]:
+    def judged(self) -> dict[str, PaperEntry]:
         """Return the rows with a number of ours.
 
         Those that cannot be tested by simulation are left out.

@@ -215,7 +215,7 @@ def incomplete(text: str) -> PydanticCustomError:
     return PydanticCustomError("incomplete", "{text}", {"text": text})
 
 
-class Table(BaseModel):
+class LanguageTable(BaseModel):
     """Table of the language.
 
     It is frozen, has no other keys and does not convert types.
@@ -245,7 +245,7 @@ class Table(BaseModel):
         return self
 
 
-class Written(Table):
+class Written(LanguageTable):
     """Table that is stored in JSON, or in a digest, as it was written."""
 
     _written: dict[str, Any] = PrivateAttr(default_factory=dict)

@@ -9,9 +9,9 @@ from pydantic import AfterValidator, Discriminator, FiniteFloat, Tag, model_vali
 
 from .kinds import (
     Bounds,
+    LanguageTable,
     Many,
     Maybe,
-    Table,
     Text,
     Unit,
     by_kind,
@@ -22,7 +22,7 @@ from .kinds import (
 )
 
 
-class OfNumber(Table):
+class OfNumber(LanguageTable):
     """Band relative to another number of the run."""
 
     NEEDED = ("of", "from_", "to")
@@ -31,7 +31,7 @@ class OfNumber(Table):
     to: FiniteFloat = key("most, as a multiple of it", default=0.0)
 
 
-class Tuning(Table):
+class Tuning(LanguageTable):
     """What was tuned or chosen, and for which cases."""
 
     NEEDED = ("what", "cases")
@@ -39,7 +39,7 @@ class Tuning(Table):
     cases: Many[Text] = key("beginnings of the cases' names that this holds for")
 
 
-class ShareOfDraws(Table):
+class ShareOfDraws(LanguageTable):
     """The share of the draws whose number is within one limit.
 
     The limit is a lower or an upper one.
@@ -96,7 +96,7 @@ Values = either(number=FiniteFloat, list=Many[FiniteFloat])
 Remarks = either(text=str, list=Many[str])
 
 
-class PaperRow(Table):
+class PaperRow(LanguageTable):
     """[paper.NAME]: a row of a paper's table beside ours.
 
     `values`, `tolerance` and `remark` apply to all cells, or are tables by method, or

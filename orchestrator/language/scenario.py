@@ -23,12 +23,12 @@ from pydantic import (
 from ..system.choices import MOST_ACCURACY
 from ..system.model import ACCURACY, MOST_SUBSTEPS
 from .kinds import (
+    LanguageTable,
     Many,
     Maybe,
     MeanAndDeviation,
     NumberOrText,
     Range,
-    Table,
     Text,
     TextOrTexts,
     Three,
@@ -115,7 +115,7 @@ class Number(Written):
         return self
 
 
-class LimitLine(Table):
+class LimitLine(LanguageTable):
     """An entry of a plot's `limits` as a table: a line, or a band about zero."""
 
     NEEDED = ("value",)
@@ -138,7 +138,7 @@ else:
     ]
 
 
-class Plot(Table):
+class Plot(LanguageTable):
     """[plots.NAME]: a figure of the report.
 
     Figures are in the order of their tables.
@@ -296,7 +296,7 @@ class Design(Written):
     )
 
 
-class DesignFile(Table):
+class DesignFile(LanguageTable):
     """A file of ssp/FAMILY/design/, as `desat design` writes it."""
 
     NEEDED = ("parameters",)
@@ -321,7 +321,7 @@ def _value_reached(value: Any) -> Any:
     raise ValueError("a whole number, the name of a value, true or false is needed")
 
 
-class StopWhen(Table):
+class StopWhen(LanguageTable):
     """[stop_when]: a condition that ends the run before its stop time.
 
     It is evaluated after each step. It has exactly one of `below`, `above` and
@@ -443,7 +443,7 @@ class ScenarioTable(Written):
     paper: dict[str, PaperRow] = key("a paper's values beside the numbers", use="file")
 
 
-class Cell(ScenarioTable):
+class AxisCell(ScenarioTable):
     """[axes.AXIS.VALUE]: the changes that a value of an axis makes to the scenario."""
 
     label: Text = key("the value's name for a reader", use="file")
@@ -460,7 +460,7 @@ class ScenarioFile(ScenarioTable):
         inherited=False,
     )
     abstract: bool = key("true: only for others to extend", use="file", inherited=False)
-    axes: dict[str, dict[str, Cell]] = key(
+    axes: dict[str, dict[str, AxisCell]] = key(
         "each axis' values; their product gives scenarios", use="file"
     )
 

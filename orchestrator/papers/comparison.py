@@ -9,7 +9,7 @@ from typing import Any
 
 from ..campaign.draws import RunRow
 from ..files.scenario import Scenario
-from ..language.content import Content, Entry
+from ..language.content import Content, PaperEntry
 from ..language.paper import OfNumber
 from ..numbers.measures import LATE
 from ..numbers.numbers import defined, late, ranks, related
@@ -21,7 +21,7 @@ Numbers = Mapping[str, Any]  # numbers of a run by name; None: not reached
 
 
 @dataclass(frozen=True)
-class Spread:
+class PaperSpread:
     """Spread of a median of samples.
 
     `n` samples have the number, between `min` and `max`; `band` is that of each sample,
@@ -75,10 +75,10 @@ class PaperCell:
     remark: str
     scenario: str
     # where `ours` is a median or a share of samples
-    draws: Spread | Share | None = None
+    draws: PaperSpread | Share | None = None
 
 
-def band_of(entry: Entry, values: Numbers) -> tuple[float, float] | None:
+def band_of(entry: PaperEntry, values: Numbers) -> tuple[float, float] | None:
     """Return the band [low, high] of a row by its `tolerance`, or None without one.
 
     `values` are the numbers of the run, for a band that is a multiple of another
@@ -100,7 +100,7 @@ def band_of(entry: Entry, values: Numbers) -> tuple[float, float] | None:
     return paper - width, paper + width
 
 
-def _remark(entry: Entry) -> str:
+def _remark(entry: PaperEntry) -> str:
     """Return the remarks on a row as text."""
     words = {
         "tuned": "tuned: ",
@@ -141,7 +141,7 @@ def rows_of(
     rows = []
     content = scenario.content
     for row, entry in content.judged.items():
-        found: Spread | Share | None
+        found: PaperSpread | Share | None
         if entry.share is not None:
             if drawn is None:
                 place = scenario.place(("paper", row))
@@ -159,7 +159,9 @@ def rows_of(
     return [*rows, *(_row(scenario, e, None, values, None) for e in undecided)]
 
 
-def _spread_of(entry: Entry, drawn: StoredScenario, content: Content) -> Spread | None:
+def _spread_of(
+    entry: PaperEntry, drawn: StoredScenario, content: Content
+) -> PaperSpread | None:
     """Return the spread of a row's number, or None if its samples lack it."""
     if (summary := drawn["summary"].get(entry.of)) is None:
         return None
@@ -167,7 +169,7 @@ def _spread_of(entry: Entry, drawn: StoredScenario, content: Content) -> Spread 
     is_time = number is not None and number.measure in LATE
     missing = len(drawn["draws"]) - summary.n if is_time else 0
     least, most = summary.levels["min"], summary.levels["max"]
-    return Spread(summary.n, least, most, entry.each or None, missing)
+    return PaperSpread(summary.n, least, most, entry.each or None, missing)
 
 
 def values_of(draws: Iterable[RunRow], name: str, content: Content) -> list[Any]:
@@ -188,15 +190,15 @@ def share_of(
 
 def _row(
     scenario: Scenario,
-    entry: Entry,
+    entry: PaperEntry,
     ours: float | None,
     values: Numbers,
-    draws: Spread | Share | None,
+    draws: PaperSpread | Share | None,
 ) -> PaperCell:
     """Return the cell of a row."""
     band, paper = band_of(entry, values), entry.values
     within = None if band is None or ours is None else band[0] <= ours <= band[1]
-    if isinstance(draws, Spread) and draws.band is not None:
+    if isinstance(draws, PaperSpread) and draws.band is not None:
         (low, high), least, most = draws.band, draws.min, draws.max
         reached = (
             least is not None and most is not None and low <= least <= most <= high

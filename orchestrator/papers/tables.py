@@ -27,7 +27,7 @@ from ..runs.validation import content_problems
 from ..system.errors import DesatError, Exit, RunError
 from ..system.options import Options, RunOptions
 from . import stored
-from .comparison import Numbers, PaperCell, Share, Spread, count, rows_of
+from .comparison import Numbers, PaperCell, PaperSpread, Share, count, rows_of
 from .stored import Provenance, StoredDraws, StoredScenario
 
 LARGEST = sys.float_info.max  # open end of a band in JSON
@@ -290,7 +290,7 @@ def _within(band: Sequence[float], text: Callable[[float], str]) -> str:
     return least if least == most else f"{least} to {most}"
 
 
-def _of_draws(draws: Spread | Share, digits: int, flag: bool = False) -> str:
+def _of_draws(draws: PaperSpread | Share, digits: int, flag: bool = False) -> str:
     """Format the spread or the share of samples."""
     if isinstance(draws, Share):
         low, high = draws.interval

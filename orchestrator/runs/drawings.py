@@ -9,7 +9,7 @@ from desat.fmus.registry import names
 from ..analyses.manifest import Manifest
 from ..engine.recording.results import Results
 from ..figures.craft import Piece, pieces
-from ..figures.diagram import Part, Wire, diagram
+from ..figures.diagram import DiagramPart, Wire, diagram
 from ..system.interface import (
     base_name,
     interface_of_block,
@@ -101,10 +101,10 @@ def craft_of_system(system: System) -> list[Piece]:
     return pieces(**values) if "spacecraft" in values else []
 
 
-def _part(role: str) -> Part:
+def _part(role: str) -> DiagramPart:
     """Return a component's role with its title."""
     declared = role_classes().get(role)
-    return Part(role, declared.role_title.partition(":")[0] if declared else "")
+    return DiagramPart(role, declared.role_title.partition(":")[0] if declared else "")
 
 
 def _role_of(manifest: Manifest, component: str) -> str:

@@ -87,7 +87,7 @@ def _tables() -> JsonObject:
         "tuning": p.Tuning,
         "dispersion": l.Dispersion,
         "requirement": l.Requirement,
-        "axis": l.Cell,
+        "axis": l.AxisCell,
         "design": l.Design,
         "stop_when": l.StopWhen,
     }

@@ -45,7 +45,7 @@ from .manifest import (
     unrecorded,
 )
 from .prepare import prepare
-from .step_case import Outcome, step
+from .step_case import StepOutcome, step
 
 if TYPE_CHECKING:
     from pandas import DataFrame  # type: ignore[import-untyped]
@@ -445,7 +445,7 @@ def _simulate_apart(
     manifest: Manifest,
     progress: bool,
     checkpoint: Checkpoint | None = None,
-) -> tuple[Outcome, Results]:
+) -> tuple[StepOutcome, Results]:
     """Run a case in a process of its own, and return how it ended and its rows.
 
     If the process was ended early, the rows until then are returned.
@@ -511,18 +511,18 @@ def _cut_short(
     layout: Layout,
     unwritten: RowBuffer,
     full: str,
-) -> tuple[Outcome, Results]:
+) -> tuple[StepOutcome, Results]:
     """Reconstruct the outcome and rows of a run whose process could not report them."""
-    outcome = Outcome("failed", ended.text(), Exit.COMPONENT)
+    outcome = StepOutcome("failed", ended.text(), Exit.COMPONENT)
     if "error" in ended.reports:  # an error while it recorded
         outcome.message = str(ended.reports["error"][1][0])
     if full:
-        outcome = Outcome("no space", f"{place / SERIES}: {full}", Exit.SPACE)
+        outcome = StepOutcome("no space", f"{place / SERIES}: {full}", Exit.SPACE)
     elif ended.signal:
-        outcome = Outcome("interrupted", "stopped by the user", 128 + ended.signal)
+        outcome = StepOutcome("interrupted", "stopped by the user", 128 + ended.signal)
         outcome.signal = ended.signal
     elif ended.hung:
-        outcome = Outcome(stopping.LATE, ended.text(), Exit.TIMEOUT)
+        outcome = StepOutcome(stopping.LATE, ended.text(), Exit.TIMEOUT)
     part, path = place / f"{SERIES}.part", place / SERIES
     unwritten.lay_out(layout)
     if full:  # there is no space for a copy either: read the part as it is

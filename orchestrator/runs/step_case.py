@@ -31,7 +31,7 @@ from .progress import progress as shown
 
 
 @dataclass
-class Outcome:
+class StepOutcome:
     """Outcome of stepping."""
 
     status: str
@@ -58,13 +58,13 @@ def step(
     checkpoint: Checkpoint | None = None,
     unwritten: RowBuffer | None = None,
     tell: Callable[[str, Any], None] = lambda name, note: None,
-) -> tuple[Outcome, Results]:
+) -> tuple[StepOutcome, Results]:
     """Initialise, step and record.
 
     `tell` receives the layout of rows, and the outcome before the components are freed.
     """
     system, schedule = case.or_raise()
-    options, outcome = case.options, Outcome("completed")
+    options, outcome = case.options, StepOutcome("completed")
     options_given = as_json(case.target, options)
 
     def watched(component: str, signal: Any) -> bool:
@@ -215,7 +215,7 @@ def step(
     return outcome, results
 
 
-def _terminate(master: Master, outcome: Outcome) -> None:
+def _terminate(master: Master, outcome: StepOutcome) -> None:
     """Terminate the components of a run that has not failed.
 
     If one of them does not end, a completed run has failed after all, with everything

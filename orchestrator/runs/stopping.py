@@ -40,7 +40,7 @@ LATE = "timed out"
 
 
 @dataclass(frozen=True)
-class Condition:
+class StopCondition:
     """Condition `stop_when` of a system: output, limit, and holding time (s)."""
 
     component: str
@@ -64,7 +64,7 @@ class Condition:
         return component == self.component and signal.series == self.variable
 
 
-def condition(system: System) -> Condition | None:
+def condition(system: System) -> StopCondition | None:
     """Return the condition of a system with its interfaces loaded, or None.
 
     Raises
@@ -88,7 +88,7 @@ def condition(system: System) -> Condition | None:
         f" for {stop_when.held:g} s" if stop_when.held else ""
     )
     owner, _, variable = stop_when.signal.partition(".")
-    return Condition(owner, variable, kind, limit, stop_when.held, text)
+    return StopCondition(owner, variable, kind, limit, stop_when.held, text)
 
 
 def _signal(system: System, name: str) -> Signal:
@@ -140,7 +140,7 @@ def _limit(
     return value * scale, f"{value:g} {'' if unit == '1' else unit}".rstrip()
 
 
-def watch(master: Master, stop: Condition | None, seconds: float | None) -> Ending:
+def watch(master: Master, stop: StopCondition | None, seconds: float | None) -> Ending:
     """Build the `Ending` of a run: its condition, or a limit of wall time.
 
     The master is initialised. The reason is the text of the condition, or `LATE` once
@@ -164,7 +164,7 @@ def watch(master: Master, stop: Condition | None, seconds: float | None) -> Endi
 
 
 def _hold(
-    master: Master, stop: Condition, slots: list[Slot], memory: dict[str, Any]
+    master: Master, stop: StopCondition, slots: list[Slot], memory: dict[str, Any]
 ) -> Callable[[], bool]:
     """Build the function that tells whether the condition has held for long enough.
 

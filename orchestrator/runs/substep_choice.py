@@ -47,7 +47,7 @@ import numpy as np
 from desat.components.contract.block import Scalar
 
 from ..analyses import coverage, residual
-from ..analyses.coverage import Array, Body, Reached, body_of, reached_by
+from ..analyses.coverage import Array, Reached, WheeledBody, body_of, reached_by
 from ..analyses.manifest import Slow, SubstepChoice
 from ..engine.child import CAN, apart
 from ..engine.ending import NEVER
@@ -379,7 +379,7 @@ def decimated(system: System, options: Options) -> Slow | None:
             n: replace(c, step_ratio=1) if n in slow else c for n, c in names.items()
         }
 
-        def both() -> list[_Flight]:
+        def both() -> list[_SubstepFlight]:
             """Fly with the step ratios, and without those of the slow components."""
             systems = (replace(system, components=of) for of in (names, quick))
             return [_Flights(s, options, 1, LONGEST).fly(system.parts) for s in systems]
@@ -549,7 +549,7 @@ def _foreign(system: System, options: Options, every: Mapping[str, int]) -> str:
 
 
 @dataclass(frozen=True)
-class _Flight:
+class _SubstepFlight:
     """States after each step of a flight.
 
     These are times (n,; s), attitude (n, 4), rate (n, 3; rad/s), momenta of the wheels
@@ -577,6 +577,7 @@ class _Flights:
         longest: int,
         for_others: bool = False,
     ) -> None:
+        """Prepare flights of a system from `least` substeps on, of at most `longest` steps."""
         self._for_others = for_others
         self._system, self._options, self._longest = (
             _on_natives(system),
@@ -589,7 +590,7 @@ class _Flights:
         assert parts is not None
         assert body is not None
         self._series: list[str] = parts.series
-        self._body: Body = body
+        self._body: WheeledBody = body
         self._longest_error: Array | None = None
         # estimated error (rad) of the first count within its flight
         self.first_error = inf
@@ -640,7 +641,12 @@ class _Flights:
         )
 
     def _chosen(
-        self, n: int, tried: dict[int, float], flight: _Flight, rows: int, began: float
+        self,
+        n: int,
+        tried: dict[int, float],
+        flight: _SubstepFlight,
+        rows: int,
+        began: float,
     ) -> SubstepChoice:
         """Return the choice of n substeps by a flight of so many rows."""
         seen = None
@@ -663,7 +669,7 @@ class _Flights:
             seconds=time.process_time() - began,
         )
 
-    def fly(self, substeps: int, free: int = FREE) -> _Flight:
+    def fly(self, substeps: int, free: int = FREE) -> _SubstepFlight:
         """Fly with this number of substeps, as long as `free` substeps last."""
         steps = min(self._system.steps, max(8, min(free // substeps, self._longest)))
         self._steps += steps * substeps
@@ -687,9 +693,11 @@ class _Flights:
             master.terminate()
             results = recorder.finish(master)
         times = system.start + system.step * np.arange(steps + 1)
-        return _Flight(times, *(results.values(name) for name in self._series))
+        return _SubstepFlight(times, *(results.values(name) for name in self._series))
 
-    def _estimate(self, coarse: _Flight, fine: _Flight) -> tuple[float, Array]:
+    def _estimate(
+        self, coarse: _SubstepFlight, fine: _SubstepFlight
+    ) -> tuple[float, Array]:
         """Estimate a flight's error (rad) at the run's end, by one with more substeps.
 
         The second value is the largest difference up to each of the rows that both have

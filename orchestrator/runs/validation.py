@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from ..analyses import analyses
-from ..language.content import Content, Entry
+from ..language.content import Content, PaperEntry
 from ..language.paper import OfNumber
 from ..language.scenario import Dispersion, LimitLine, Number, Plot, Requirement
 from ..numbers import derived
@@ -180,7 +180,7 @@ def bind_requirement(content: Content, entry: Requirement) -> None:
         raise MisfitError("it is above max: nothing can be within", "min")
 
 
-def bind_row(content: Content, row: Entry, system: System | None) -> None:
+def bind_row(content: Content, row: PaperEntry, system: System | None) -> None:
     """Bind a row of a paper's table to numbers of a run.
 
     Raises

@@ -121,7 +121,7 @@ COARSE_TURN = 0.1  # deg: a pulse that turns the craft further is coarse
 
 
 @dataclass(frozen=True)
-class Rates:
+class DumpRates:
     """Mean rates of dumps: times s, momenta N m s, propellant kg."""
 
     first: float  # s, from wheels at rest to the first dump; inf: never
@@ -176,7 +176,7 @@ class RodsAlone(NamedTuple):
         return self.needed is not None and self.has >= self.needed
 
 
-class Course(NamedTuple):
+class DumpCourse(NamedTuple):
     """Fill (n,) N m s of the wheels over times (n,) s, and the times (s) of its dumps."""
 
     times: Array
@@ -198,7 +198,7 @@ class DumpSizing:
     begin: float  # N m s
     end: float
     capacity: float  # N m s, of the smallest wheel
-    steady: Rates  # in the time of the scenario
+    steady: DumpRates  # in the time of the scenario
     # kg of propellant, mean over the days of a year with the scenario's solar activity
     a_year: float
     range_a_year: tuple[float, float]  # kg, least and most of these days
@@ -220,7 +220,7 @@ class DumpSizing:
     thresholds: tuple[Threshold, ...] = ()
     rods: RodsAlone | None = None  # None: it has none
     # through the dumps of the scenario's time; None: they are too many, or too late
-    course: Course | None = None
+    course: DumpCourse | None = None
 
     def __repr__(self) -> str:
         return f"<DumpSizing {self.answer}>"
@@ -448,8 +448,8 @@ def _mean_rates(
     options: Options,
     attitude: Attitude,
     flight: Flight,
-    rates_in: Callable[[Flight], Rates],
-) -> Rates:
+    rates_in: Callable[[Flight], DumpRates],
+) -> DumpRates:
     """Compute the mean of the rates over the days of a scenario, as if each lasted.
 
     Between dumps that are far apart node and Sun move: unless the user sets a stop time,
@@ -468,10 +468,10 @@ def _follow_dumps(
     options: Options,
     attitude: Attitude,
     flight: Flight,
-    steady: Rates,
+    steady: DumpRates,
     window: float,
-    rates_in: Callable[..., Rates],
-) -> tuple[Rates, Flight | None]:
+    rates_in: Callable[..., DumpRates],
+) -> tuple[DumpRates, Flight | None]:
     """Follow the dumps one after the other, until there are two.
 
     Returns their rates and the flight through them; `steady` and None where that takes
@@ -495,8 +495,8 @@ def _rates_over(
     attitude: Attitude,
     flight: Flight,
     span: float,
-    rates_in: Callable[[Flight], Rates],
-) -> list[Rates]:
+    rates_in: Callable[[Flight], DumpRates],
+) -> list[DumpRates]:
     """Compute the rates at dates spread over a span (s), as if each of them lasted.
 
     `flight` is that of the first date.
@@ -537,7 +537,7 @@ def _rods_alone(
 
 
 def _a_year_of(
-    activity: str, year: Sequence[YearDate], rates: Sequence[Rates]
+    activity: str, year: Sequence[YearDate], rates: Sequence[DumpRates]
 ) -> list[float]:
     """Return the propellant (kg a year) of the days of one solar activity."""
     return [
@@ -550,7 +550,7 @@ def _fly_loops(
     options: Options,
     step: float,
     window: float,
-    steady: Rates,
+    steady: DumpRates,
     causes: Sequence[str],
     progress: Callable[[str], None],
 ) -> tuple[dict[str, float | None], list[str]]:
@@ -633,7 +633,7 @@ def _numbers_of(run: Run) -> Iterator[tuple[str, float | None]]:
         yield name, None if found.value is None else found.value * to
 
 
-def _window(system: System, options: Options, steady: Rates) -> float:
+def _window(system: System, options: Options, steady: DumpRates) -> float:
     """Return the time (s) over which dumps are followed and flown.
 
     It is the scenario's, shortened to MANY dumps and MOST_STEPS steps unless the user
@@ -757,7 +757,7 @@ def rates_of(
     cost: Callable[[Array], float],
     isp: float,
     interval: float = 0.0,
-) -> Rates:
+) -> DumpRates:
     """Compute the mean rates of dumps over WAYS courses of a flight.
 
     A flight without `interval` is repeated as it is. One with an `interval` (s) goes
@@ -776,7 +776,7 @@ def rates_of(
     ]
     each = [course for course in each if course]
     if not each:
-        return Rates(inf, inf, 0.0, 0.0, 0.0)
+        return DumpRates(inf, inf, 0.0, 0.0, 0.0)
     rates = list(_course(flight, hardware, law, 1.0, 0, goes_on, most))
     weekly = [
         WEEK * (len(c) - 1) / (c[-1][0] - c[0][0]) for c in [*each, rates] if len(c) > 1
@@ -790,7 +790,7 @@ def rates_of(
     momentum = float(np.mean([np.linalg.norm(u) for u in every]))
     impulse = float(np.mean([cost(u) for u in every]))
     first = rates[0][0] if rates else each[0][0][0]
-    return Rates(
+    return DumpRates(
         first,
         seconds / count if count else inf,
         momentum,
@@ -802,7 +802,7 @@ def rates_of(
     )
 
 
-def _steady_along(along: Rates, steady: Rates) -> Rates:
+def _steady_along(along: DumpRates, steady: DumpRates) -> DumpRates:
     """Return the rates of dumps along a flight through them all.
 
     `steady` are those of days that repeat; fewer than two dumps give no other rate.
@@ -814,9 +814,9 @@ def _days_of(
     system: System,
     hardware: Hardware,
     attitude: Attitude,
-    rates_in: Callable[[Flight], Rates],
+    rates_in: Callable[[Flight], DumpRates],
     progress: Callable[[str], None],
-) -> tuple[list[YearDate], list[Rates]]:
+) -> tuple[list[YearDate], list[DumpRates]]:
     """Return the days of a year, and the rates of dumps if each of them lasted."""
     progress("the days of a year")
     dates, rates = [], []
@@ -851,7 +851,9 @@ def _rates_by_threshold(
         yield Threshold(begin, rates.a_week, rates.a_year)
 
 
-def _course_of_fill(flight: Flight, hardware: Hardware, law: ThresholdLaw) -> Course:
+def _course_of_fill(
+    flight: Flight, hardware: Hardware, law: ThresholdLaw
+) -> DumpCourse:
     """Compute the fill of the wheels along a flight through all its dumps."""
     dumps = list(_course(flight, hardware, law, 1.0, 0, False, 10 * MANY))
     times = flight.times - flight.times[0]
@@ -869,7 +871,7 @@ def _course_of_fill(flight: Flight, hardware: Hardware, law: ThresholdLaw) -> Co
         if law.of_wheels
         else np.linalg.norm(held, axis=1)
     )
-    return Course(times, fill, begun)
+    return DumpCourse(times, fill, begun)
 
 
 def _cheapest(flight: Flight, momentum: Array, cost: Callable[[Array], float]) -> float:
@@ -881,7 +883,7 @@ def _cheapest(flight: Flight, momentum: Array, cost: Callable[[Array], float]) -
     return min(cost(u) for u in rotate(q, np.broadcast_to(momentum, (len(q), 3))))
 
 
-def mean_of(each: Sequence[Rates]) -> Rates:
+def mean_of(each: Sequence[DumpRates]) -> DumpRates:
     """Return the mean of rates that follow each other for equal times."""
     some = [r for r in each if r.interval < inf]
     if not some:
@@ -897,7 +899,7 @@ def mean_of(each: Sequence[Rates]) -> Rates:
             strict=True,
         )
     )
-    return Rates(
+    return DumpRates(
         each[0].first,
         1.0 / a_second,
         momentum,

@@ -148,7 +148,7 @@ def ask(law: Law, flight: Flight, rows: Array) -> LinearisedLaw:
     return LinearisedLaw(np.ascontiguousarray(gain), offset)
 
 
-class _Rows(np.ndarray):
+class _LawRows(np.ndarray):
     """Values of all rows, whose comparisons must come out alike in all of them."""
 
     def __bool__(self) -> bool:
@@ -178,7 +178,7 @@ def _ask_at_once(law: Law, samples: Samples) -> Array | None:
         if any(state[k] != x for k, x in memory.items()):
             return None
         columns = {
-            k: tuple(c.view(_Rows) for c in np.ascontiguousarray(x.T))
+            k: tuple(c.view(_LawRows) for c in np.ascontiguousarray(x.T))
             for k, x in inputs.items()
         }
         answers = np.empty((len(times), 4, 3))

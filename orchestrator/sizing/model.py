@@ -28,7 +28,7 @@ BLOCK = 512  # rows whose sizes are computed together
 SEED = 1  # seed of the tachometers' noise, the same for all rods
 
 
-class Course(NamedTuple):
+class MomentumCourse(NamedTuple):
     """Momentum of the wheels over a flight, an element for each craft.
 
     The fields are its rms and largest size in body (N m s), the largest of one wheel in
@@ -122,7 +122,7 @@ def track_of(
 
 def fly(
     tracks: Sequence[Track], law: Law, hardware: Hardware, rods: Sequence[float]
-) -> Course:
+) -> MomentumCourse:
     """Integrate the model along tracks, for all disturbances and rods at once.
 
     Parameters
@@ -188,7 +188,7 @@ def fly(
     duty = sums.duty / (np.maximum(1, counts.sum(axis=0))[:, None] * most[:, :, 0])
     rms = np.sqrt(sums.squares / rows)
     found = (rms, sums.largest, sums.wheel, duty, sums.peak)
-    return Course(*(x.reshape(shape) for x in found))
+    return MomentumCourse(*(x.reshape(shape) for x in found))
 
 
 class _Sums:

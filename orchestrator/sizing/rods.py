@@ -31,7 +31,7 @@ from ..system.options import Options
 from .compatibility import Terms, fitting
 from .law import OTHERS_STEP, STEP, Law, UnsuitedError, hold_of, law_of
 from .least_rod import least_by_programme, reach
-from .model import Course, fly, track_of, useful
+from .model import MomentumCourse, fly, track_of, useful
 from .momentum import smallest_wheel_capacity
 from .requirements import SizingRequirements
 from .scenarios import WORST
@@ -110,7 +110,7 @@ def fly_rods(
     hardware: Hardware,
     rods: Array,
     longest: float | None = None,
-) -> Course:
+) -> MomentumCourse:
     """Fly the model with rods of several sizes.
 
     Parameters
@@ -138,7 +138,7 @@ def fly_rods(
     else:
         track = track_of(flight, law, hardware, hold=hold_of(law, flight, longest))
     course = fly([track], law, hardware, rods.tolist())
-    return Course(*(table[0, 0] for table in course))
+    return MomentumCourse(*(table[0, 0] for table in course))
 
 
 def find_smallest(rods: Array, is_enough: Array) -> float | None:
@@ -147,7 +147,7 @@ def find_smallest(rods: Array, is_enough: Array) -> float | None:
 
 
 def meets(
-    course: Course, hardware: Hardware, requirements: SizingRequirements
+    course: MomentumCourse, hardware: Hardware, requirements: SizingRequirements
 ) -> Array:
     """Return for each rod whether the duty is met and wheels hold with the margin."""
     capacity = smallest_wheel_capacity(hardware)

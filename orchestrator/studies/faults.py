@@ -69,7 +69,7 @@ class Contender:
 
 
 @dataclass(frozen=True)
-class Flight:
+class FaultFlight:
     """Samples of a contender under a fault."""
 
     fault: Fault
@@ -90,7 +90,7 @@ class Flight:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class FaultOutcome:
     """Samples of a contender under a fault."""
 
     count: int
@@ -116,7 +116,7 @@ class FaultTable:
     title: str  # of the number whose median is given
     unit: str
     seed: int
-    rows: Mapping[str, tuple[Fault, tuple[Outcome, ...]]]
+    rows: Mapping[str, tuple[Fault, tuple[FaultOutcome, ...]]]
     without: Mapping[str, str]  # title of a fault that does not apply -> reason
 
     def __repr__(self) -> str:
@@ -130,7 +130,7 @@ class FaultTable:
     def _worst(self, k: int) -> str:
         """Return the sentence of a contender."""
 
-        def key(entry: tuple[Fault, tuple[Outcome, ...]]) -> tuple[float, float]:
+        def key(entry: tuple[Fault, tuple[FaultOutcome, ...]]) -> tuple[float, float]:
             """Return the share that fails, then the median."""
             outcome = entry[1][k]
             middle = np.inf if outcome.median is None else outcome.median
@@ -153,7 +153,7 @@ class FaultTable:
             f"{outcome.count} samples fail{reason}."
         )
 
-    def _value(self, outcome: Outcome) -> str:
+    def _value(self, outcome: FaultOutcome) -> str:
         """Return the median with its unit."""
         assert outcome.median is not None
         return f"{number(outcome.median)} {spell_unit(self.unit)}".rstrip()
@@ -373,7 +373,9 @@ class _SampleRunner:
     jobs: int
     progress: bool
 
-    def __call__(self, flights: Sequence[Flight], samples: range) -> list[list[RunRow]]:
+    def __call__(
+        self, flights: Sequence[FaultFlight], samples: range
+    ) -> list[list[RunRow]]:
         """Return the rows of these samples of each flight."""
         of_each = [x.tasks(samples, self.seed, self.names) for x in flights]
         tasks = [task for tasks in of_each for task in tasks]
@@ -395,35 +397,37 @@ def _flights(
     faults: Sequence[Fault],
     options: Options,
     folder: Path,
-) -> tuple[list[Flight], dict[str, str]]:
+) -> tuple[list[FaultFlight], dict[str, str]]:
     """Return the flights without a fault and with each, and why a fault does not apply.
 
     A fault that does not apply to one contender is flown by none.
     """
-    flights: list[Flight] = []
+    flights: list[FaultFlight] = []
     without: dict[str, str] = {}
     for fault in (Fault(NOMINAL, "none", {}), *faults):
-        of_fault: list[Flight] = []
+        of_fault: list[FaultFlight] = []
         for k, contender in enumerate(contenders):
             found = _with_fault(fault, contender, folder / f"{fault.name}{k}")
             if isinstance(found, str):
                 without[fault.title] = found
                 break
             drawn = content_of(draft_to_draw(contender.source, options.blocks).about)
-            of_fault.append(Flight(fault, contender, *found, bool(drawn.dispersions)))
+            of_fault.append(
+                FaultFlight(fault, contender, *found, bool(drawn.dispersions))
+            )
         else:
             flights += of_fault
     return flights, without
 
 
 def _table(
-    flights: Sequence[Flight],
+    flights: Sequence[FaultFlight],
     rows: Sequence[Sequence[RunRow]],
     measured: str,
     limits: Mapping[str, float],
-) -> dict[str, tuple[Fault, tuple[Outcome, ...]]]:
+) -> dict[str, tuple[Fault, tuple[FaultOutcome, ...]]]:
     """Summarise the samples of all flights: name of a fault -> it and its outcomes."""
-    table: dict[str, tuple[Fault, tuple[Outcome, ...]]] = {}
+    table: dict[str, tuple[Fault, tuple[FaultOutcome, ...]]] = {}
     nominal = {
         flight.contender.label: of_flight
         for flight, of_flight in zip(flights, rows, strict=True)
@@ -454,11 +458,11 @@ def _differ(rows: Sequence[RunRow], others: Sequence[RunRow]) -> bool:
     return False
 
 
-def _is_worse(outcomes: Sequence[Outcome]) -> bool:
+def _is_worse(outcomes: Sequence[FaultOutcome]) -> bool:
     """Return whether the first contender is worse than another."""
     first, *others = outcomes
 
-    def middle(x: Outcome) -> float:
+    def middle(x: FaultOutcome) -> float:
         """Return the median, infinite where it is not reached."""
         return np.inf if x.median is None else x.median
 
@@ -645,7 +649,7 @@ def _with_component(
 
 def _outcome(
     rows: Sequence[RunRow], measured: str, limits: Mapping[str, float]
-) -> Outcome:
+) -> FaultOutcome:
     """Summarise the samples of a contender under a fault."""
     reasons: list[str] = []
     values: list[float] = []
@@ -663,7 +667,7 @@ def _outcome(
         reasons += [x.partition(":")[0] for x in lines]
         values.append(np.inf if value is None or not row.completed else value)
     middle = float(np.median(values)) if values else np.inf
-    return Outcome(
+    return FaultOutcome(
         len(rows),
         failed,
         middle if np.isfinite(middle) else None,

@@ -81,6 +81,7 @@ class Craft:
     """
 
     def __init__(self, system: System) -> None:
+        """Find the component of each role in a system."""
         roles = system.roles
         self.spacecraft = roles.get("spacecraft")
         self.environment = roles.get("environment")

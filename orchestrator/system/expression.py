@@ -94,7 +94,7 @@ def product(text: str, known: Table) -> tuple[float, Unit]:
     return result, unit
 
 
-class Entry(NamedTuple):
+class ParameterEntry(NamedTuple):
     """Parameter that a text names, or one of its elements."""
 
     value: Any
@@ -104,7 +104,7 @@ class Entry(NamedTuple):
     element: int  # from 1 on; 0: the whole
 
 
-def entry(name: str, table: Table) -> Entry:
+def entry(name: str, table: Table) -> ParameterEntry:
     """Look up `component.parameter`, or one of its elements.
 
     Raises
@@ -127,7 +127,7 @@ def entry(name: str, table: Table) -> Entry:
         if not isinstance(value, list) or not 1 <= int(index) <= len(value):
             raise DesatError(f"{owner}.{parameter} has no element {index}")
         value = value[int(index) - 1]
-    return Entry(value, unit, f"{owner}.{parameter}", int(index or 0))
+    return ParameterEntry(value, unit, f"{owner}.{parameter}", int(index or 0))
 
 
 def _owner_of_shared(parameter: str, table: Table) -> str:

@@ -265,6 +265,7 @@ class System:
     )
 
     def __post_init__(self) -> None:
+        """Derive steps, roles and the tables of connections, once."""
         object.__setattr__(self, "parts", 1 if self.substeps == AUTO else self.substeps)
         object.__setattr__(self, "steps", round((self.stop - self.start) / self.step))
         roles = {

@@ -129,8 +129,13 @@ def _quantity(signal: Signal, text: str, place: str) -> float:
     except DesatError as error:
         raise DesatError(f"{place} = {text!r}: {error}") from None
     if converted is None:
-        expected = signal.unit_name if signal.unit_name not in ("", "1") else "no unit"
-        raise DesatError(f"{place} = {text!r}: it has {expected}")
+        subject = place.rpartition(": ")[2]
+        expected = "has no unit"
+        if signal.unit_name not in ("", "1"):
+            expected = f"is in {signal.unit_name}"
+        raise DesatError(
+            f"{place} = {text!r}: {unit} is no unit of {subject}, which {expected}"
+        )
     return float(match[1].replace("_", "")) * converted[0] + converted[1]
 
 

@@ -45,7 +45,7 @@ def graded(count: int) -> tuple[Share, ...]:
 
 
 @dataclass(frozen=True)
-class Rates:
+class StepRates:
     """Rates at which the components of a system step."""
 
     parts: tuple[Share, ...]  # of the master's step
@@ -68,13 +68,13 @@ class Rates:
         return [(a, b - a) for a, b in pairwise(edges)]
 
 
-def rates(system: System, links: Sequence[Connection]) -> tuple[Rates, list[str]]:
+def rates(system: System, links: Sequence[Connection]) -> tuple[StepRates, list[str]]:
     """Compute the components' rates, and a line for each conflict between them."""
     substeps = system.parts
     step_ratio = {name: c.step_ratio for name, c in system.components.items()}
     if substeps == 1:
         slow, problems = late(links, step_ratio)
-        return Rates(graded(1), step_ratio, slow), problems
+        return StepRates(graded(1), step_ratio, slow), problems
     group = _group(system, links)
     problems = [
         f"{name} has a step ratio of {step_ratio[name]}, but is one of those that step {substeps} "
@@ -88,7 +88,7 @@ def rates(system: System, links: Sequence[Connection]) -> tuple[Rates, list[str]
         ]
     every = {n: 1 if n in group else substeps * d for n, d in step_ratio.items()}
     slow, more = late(links, every)
-    return Rates(graded(substeps), every, slow), problems + more
+    return StepRates(graded(substeps), every, slow), problems + more
 
 
 def _group(system: System, links: Iterable[Connection]) -> set[str]:
@@ -162,7 +162,7 @@ class Schedule:
 
     order: tuple[str, ...]
     classes: dict[tuple[str, str], OutputClass]
-    rates: Rates
+    rates: StepRates
     timing: tuple[tuple[Connection, str], ...]
     warnings: tuple[str, ...] = ()
     """Loss of accuracy by different rates, and undeclared dependencies."""
@@ -380,7 +380,9 @@ def _is_mean(system: System, c: Connection, output_class: OutputClass) -> bool:
     )
 
 
-def _timing(c: Connection, output_class: OutputClass, mean: bool, paces: Rates) -> str:
+def _timing(
+    c: Connection, output_class: OutputClass, mean: bool, paces: StepRates
+) -> str:
     """Describe when a connection moves its value."""
     source, target = paces.every[c.source], paces.every[c.target]
     if mean and source < target:
@@ -400,7 +402,7 @@ def _timing(c: Connection, output_class: OutputClass, mean: bool, paces: Rates) 
     return {"interval": OVER, "state": AT, "undeclared": LATE}[output_class]
 
 
-def _steps(paces: Rates, window: int) -> str:
+def _steps(paces: StepRates, window: int) -> str:
     """Return the word for the unit of a window: substeps or steps."""
     return "substeps" if window <= len(paces.parts) else "steps"
 

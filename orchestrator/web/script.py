@@ -92,7 +92,7 @@ def script(functions: Iterable[Callable[..., Any]]) -> tuple[str, dict[str, str]
         The JavaScript, which ends with an object `measures` of the functions by name;
         and for each function that does not translate the reason, by name.
     """
-    program, refused, there = _Program(), dict[str, str](), list[str]()
+    program, refused, there = _ScriptProgram(), dict[str, str](), list[str]()
     for function in functions:
         try:
             there.append(program.name_of(function))
@@ -102,7 +102,7 @@ def script(functions: Iterable[Callable[..., Any]]) -> tuple[str, dict[str, str]
     return "\n".join(parts) + "\n", refused
 
 
-class _Program:
+class _ScriptProgram:
     """Functions and constants translated so far, each after those it needs."""
 
     def __init__(self) -> None:
@@ -138,7 +138,7 @@ class _Program:
 class _Expressions:
     """Expressions of a function with the globals `scope` and local names `local`."""
 
-    def __init__(self, program: _Program, scope: dict[str, Any]) -> None:
+    def __init__(self, program: _ScriptProgram, scope: dict[str, Any]) -> None:
         self._program, self._scope = program, scope
         self.local: set[str] = set()
 
@@ -278,6 +278,7 @@ class _Expressions:
         return f"{{ slice: [{', '.join(ends)}] }}"
 
     def _listcomp(self, node: ast.ListComp) -> str:
+        """Translate a list comprehension to `map`; refuse one with a condition."""
         (of,) = node.generators
         if of.ifs or not isinstance(of.target, ast.Name):
             raise DesatError(
@@ -336,7 +337,7 @@ class _Function(_Expressions):
     """Translation of one function."""
 
     def __init__(
-        self, program: _Program, tree: ast.FunctionDef, scope: dict[str, Any]
+        self, program: _ScriptProgram, tree: ast.FunctionDef, scope: dict[str, Any]
     ) -> None:
         super().__init__(program, scope)
         self._tree = tree

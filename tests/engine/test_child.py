@@ -24,7 +24,7 @@ from desat.engine.instances.base import EndedError
 from desat.engine.master import Master
 from desat.runs import run as runs
 from desat.runs import step_case
-from desat.runs.step_case import Outcome
+from desat.runs.step_case import StepOutcome
 from desat.runs.stopping import LATE
 from desat.system.errors import DesatError, Exit, RunError
 from desat.system.options import Options
@@ -110,7 +110,7 @@ def test_a_supervised_run_ends_as_its_process(
     """Its folder is removed where nobody has asked for one, whatever comes; the shorter
     of both limits holds for a call."""
     if isinstance(ended.reports.get("outcome"), tuple):
-        ended = replace(ended, reports={**ended.reports, "outcome": Outcome(*DONE)})
+        ended = replace(ended, reports={**ended.reports, "outcome": StepOutcome(*DONE)})
     limits, scratch = [], tmp_path / "scratch"
     monkeypatch.setattr(child, "watch", lambda *args: limits.append(args[-1]) or ended)
     monkeypatch.setattr(runs.Results, "open", lambda place: place)

@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from desat.engine.operations import Part, Places, WindowMean
+from desat.engine.operations import OperationPart, Places, WindowMean
 from desat.export.packing import pack
 from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError, Exit
 from desat.system.model import Connection
-from desat.system.schedule import Rates, graded, late
+from desat.system.schedule import StepRates, graded, late
 
 numbers = st.floats(-1e3, 1e3)
 counts = st.integers(1, 12)
@@ -31,7 +31,7 @@ def source(sloped: bool = True) -> Places:
 def test_windows_follow_each_other_and_fill_the_time(count, steps):
     """Parts go on from step to step, and those of a slow component's window are shares
     of it."""
-    rates = Rates(graded(count), {}, frozenset())
+    rates = StepRates(graded(count), {}, frozenset())
     assert rates.edge(steps * count) == steps
     assert rates.edge(steps * count + count - 1) == steps + graded(count)[-1][0]
     window = rates.window(1, steps * count)
@@ -56,7 +56,7 @@ def test_a_line_cut_and_joined_is_itself(mean, slope, count):
     cut = np.array([mean, slope, 0.0, 0.0])
     joined = np.zeros(4)
     part, full = (
-        Part(cut, source(), TARGET, parts),
+        OperationPart(cut, source(), TARGET, parts),
         WindowMean(joined, source(), joined, TARGET, parts),
     )
     for i in range(count):

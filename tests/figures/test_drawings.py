@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from lxml import etree
 
 from desat.figures.craft import pieces, sketch
-from desat.figures.diagram import Part, Wire, diagram
+from desat.figures.diagram import DiagramPart, Wire, diagram
 from desat.numbers.derived import rotate_back
 from desat.report import report
 from desat.report.scene import ROWS, view, view_of_run
@@ -89,7 +89,7 @@ def test_outputs_have_their_units_and_marks():
 
 def test_components_without_a_role_stand_right_of_what_feeds_them():
     """In a chain of four, and in a ring of three."""
-    parts = {name: Part("", "") for name in "abcd"}
+    parts = {name: DiagramPart("", "") for name in "abcd"}
     chain = [Wire(a, "y", b, "u", "1", "state") for a, b in ("dc", "cb", "ba")]
     edges = [b[0] for b in boxes(diagram(parts, chain, "chain"))]  # a, b, c, d
     assert edges == sorted(edges, reverse=True)
@@ -99,7 +99,7 @@ def test_components_without_a_role_stand_right_of_what_feeds_them():
 
 
 def test_a_name_does_not_end_the_picture():
-    text = diagram({"a": Part("", "<b>&")}, [], "x</title><script>")
+    text = diagram({"a": DiagramPart("", "<b>&")}, [], "x</title><script>")
     assert (
         etree.fromstring(text.encode()).findtext(f"{SVG}title") == "x</title><script>"
     )

@@ -27,7 +27,7 @@ from desat.language import paper
 from desat.language import scenario as language
 from desat.language.content import KEYS, content_of
 from desat.language.kinds import TRAVELS, Use, declared
-from desat.language.scenario import Cell, ScenarioFile
+from desat.language.scenario import AxisCell, ScenarioFile
 from desat.numbers.derived import euler
 from desat.numbers.measures import first_below, time_of
 from desat.numbers.numbers import evaluate
@@ -721,7 +721,7 @@ def test_a_key_of_before_is_refused_with_its_name_of_now(tmp_path, old, new):
 def test_each_key_at_the_top_says_what_it_is_of_use_for():
     """A key counts in the digest, or travels, by what is declared with it: four lists
     elsewhere said so, and none failed where it lacked one."""
-    keys = declared(ScenarioFile) | declared(Cell)
+    keys = declared(ScenarioFile) | declared(AxisCell)
     assert [name for name, of in keys.items() if of.use not in get_args(Use)] == []
     travelling = {name for name, of in keys.items() if of.use in TRAVELS}
     assert travelling | {"labels"} == set(KEYS)

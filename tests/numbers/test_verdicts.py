@@ -25,7 +25,7 @@ from desat.language.scenario import Requirement
 from desat.numbers import verdicts
 from desat.numbers.text import Value
 from desat.runs.run import Run, load_run, prepare, simulate
-from desat.runs.stopping import LATE, Condition
+from desat.runs.stopping import LATE, StopCondition
 from desat.system.errors import Exit, RunError
 from desat.system.options import Options
 from tests.engine.test_failures import binary, options, ssd, system
@@ -254,7 +254,7 @@ def test_a_number_at_its_bound_is_met():
     ],
 )
 def test_a_condition_at_its_limit_is_not_met_yet(way, values, met):
-    condition = Condition("a", "x", way, 2.0, 0.0, "")
+    condition = StopCondition("a", "x", way, 2.0, 0.0, "")
     assert condition.met(np.array(values)) is met
 
 

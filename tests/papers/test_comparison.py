@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from desat.language.content import Entry
+from desat.language.content import PaperEntry
 from desat.numbers.statistics import clopper_pearson
 from tests.conftest import module_of
 
@@ -29,7 +29,7 @@ comparison = module_of("desat.papers.comparison")
 )
 def test_what_counts_as_within_a_row(entry, band):
     row = {"table": "1", "quantity": "a_number", "unit": "1", **entry}
-    assert comparison.band_of(Entry.model_validate(row), {"x": 4.0}) == band
+    assert comparison.band_of(PaperEntry.model_validate(row), {"x": 4.0}) == band
 
 
 def test_of_draws_the_limits_count_and_what_is_lacking_does_not():
@@ -52,7 +52,9 @@ def cell(ours: float | None, draws: object | None = None, **more: object):
         "tolerance": [1.0, 2.0],
         **more,
     }
-    inputs = Entry.model_validate({k: v for k, v in entry.items() if v is not None})
+    inputs = PaperEntry.model_validate(
+        {k: v for k, v in entry.items() if v is not None}
+    )
     return comparison._row(scenario, inputs, ours, {}, draws)
 
 

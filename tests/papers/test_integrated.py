@@ -31,7 +31,7 @@ from desat.language.kinds import bounds
 from desat.language.scenario import Plot
 from desat.numbers import derived, measures
 from desat.papers import comparison, stored, tables
-from desat.papers.comparison import Share, Spread
+from desat.papers.comparison import PaperSpread, Share
 from desat.papers.tables import rows
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
@@ -643,7 +643,7 @@ def test_a_share_needs_draws():
 def test_flags_are_yes_and_no():
     scenario = find("integrated/mil-nadir")
     entry = scenario.content.entries["saturated"]
-    draws = Spread(20, 0.0, 0.0, (0.0, 0.0))
+    draws = PaperSpread(20, 0.0, 0.0, (0.0, 0.0))
     row = comparison._row(scenario, entry, 0.0, {}, draws)
     answer = tables.texts_of(row)
     assert (answer["paper"], answer["ours"], answer["band"]) == ("no", "no", "no")
@@ -655,7 +655,7 @@ def test_a_band_may_be_open_at_one_end():
     [entry] = [
         e for e in scenario.content.entries.values() if e.tolerance == (1.1, inf)
     ]
-    draws = Spread(2, 1.05, 9e9, (1.0, inf))
+    draws = PaperSpread(2, 1.05, 9e9, (1.0, inf))
     row = comparison._row(scenario, entry, 9e9, {}, draws)
     assert row.within
     answer = tables.texts_of(row)

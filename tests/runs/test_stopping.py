@@ -14,7 +14,7 @@ import pytest
 from desat.campaign.draws import draws
 from desat.runs import stopping
 from desat.runs.run import execute, prepare
-from desat.runs.stopping import LATE, Condition
+from desat.runs.stopping import LATE, StopCondition
 from desat.system.errors import DesatError, Exit, MisfitError
 from desat.system.options import Options
 from tests.conftest import but
@@ -262,7 +262,7 @@ def test_a_condition_is_to_hold_for_its_time(interval, algorithm):
     )
     at_start = not (interval and algorithm == "gauss_seidel")
     ending = stopping.watch(
-        master, Condition("a", "x", "below", 2.0, 0.3, "it is low"), None
+        master, StopCondition("a", "x", "below", 2.0, 0.3, "it is low"), None
     )
     assert (ending.watched, ending.limit, ending.kind) == ([slot], 2.0, "below")
     assert ending.memory == ({"since": 3.0} if at_start else {})
@@ -292,7 +292,7 @@ def test_a_condition_that_has_just_held_long_enough_is_met():
     held = 1.0 + 1e-9
     assert held - 1e-9 == 1.0
     ending = stopping.watch(
-        master, Condition("a", "x", "below", 2.0, held, "low"), None
+        master, StopCondition("a", "x", "below", 2.0, held, "low"), None
     )
     assert ending.reason() == "low"
     master.step_size = math.nextafter(0.5, 0.0)

@@ -260,7 +260,7 @@ def test_samples_are_counted_with_their_reasons():
     assert (peak.median, peak.failed, peak.reasons) == (45.0, 0, ())
 
 
-def answer_of(*outcomes: faults.Outcome) -> str:
+def answer_of(*outcomes: faults.FaultOutcome) -> str:
     """Return the answer of a table: without a fault, then faults a, b, ..."""
     named = ("nominal", "a", "b", "c")
     rows = {
@@ -272,8 +272,11 @@ def answer_of(*outcomes: faults.Outcome) -> str:
 
 
 def test_the_worst_fault_is_that_of_most_failures_then_of_the_largest_median():
-    good, slow = faults.Outcome(4, 0, 1.0, ()), faults.Outcome(4, 0, 3.0, ())
-    bad, never = faults.Outcome(4, 1, 0.5, ("x",)), faults.Outcome(8, 2, None, ("y",))
+    good, slow = faults.FaultOutcome(4, 0, 1.0, ()), faults.FaultOutcome(4, 0, 3.0, ())
+    bad, never = (
+        faults.FaultOutcome(4, 1, 0.5, ("x",)),
+        faults.FaultOutcome(8, 2, None, ("y",)),
+    )
     assert answer_of(good) == "law: no fault applies."
     assert answer_of(good, good, slow) == (
         "law: no fault makes it fail; the worst is fault b (3 min)."
@@ -284,11 +287,11 @@ def test_the_worst_fault_is_that_of_most_failures_then_of_the_largest_median():
     assert answer_of(good, bad, never, slow) == (
         "law breaks under fault b: 2 of 8 samples fail: y."
     )
-    half = faults.Outcome(4, 2, 1.0, ("w",))
-    assert answer_of(good, half, faults.Outcome(8, 3, 1.0, ("y",))) == (
+    half = faults.FaultOutcome(4, 2, 1.0, ("w",))
+    assert answer_of(good, half, faults.FaultOutcome(8, 3, 1.0, ("y",))) == (
         "law breaks under fault a: 2 of 4 samples fail: w."
     )
-    broken = faults.Outcome(4, 4, None, ("z",))
+    broken = faults.FaultOutcome(4, 4, None, ("z",))
     assert answer_of(broken, bad) == "law fails without a fault: z."
     assert answer_of(bad, bad, good) == (
         "law: no fault makes it fail; the worst is fault a (0.5 min)."
@@ -299,7 +302,7 @@ def test_the_worst_fault_is_that_of_most_failures_then_of_the_largest_median():
 def test_a_scenario_without_draws_flies_once(drawn, samples):
     contender = faults.Contender("law", read("hausat2/detumbling-b-dot"), Options())
     fault = faults.declared()["coil_dead"]
-    flight = faults.Flight(fault, contender, "target", {"a.b": 1.0}, drawn)
+    flight = faults.FaultFlight(fault, contender, "target", {"a.b": 1.0}, drawn)
     assert [x[3] for x in flight.tasks(range(2, 5), 7, ("peak",))] == samples
     first = [0, 1] if drawn else [None]
     tasks = flight.tasks(range(2), 7, ("peak",))
@@ -320,7 +323,7 @@ def test_a_scenario_without_draws_flies_once(drawn, samples):
 )
 def test_a_law_is_worse_by_a_failure_or_by_its_median(first, second, is_worse):
     outcomes = [
-        faults.Outcome(4, failed, median, ()) for failed, median in (first, second)
+        faults.FaultOutcome(4, failed, median, ()) for failed, median in (first, second)
     ]
     assert faults._is_worse(outcomes) is is_worse
 

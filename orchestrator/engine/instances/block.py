@@ -23,6 +23,7 @@ class BlockInstance:
     """A bare block without FMI, for debugging and as reference for FMUs."""
 
     def __init__(self, component: Component) -> None:
+        """Make the bare block of a component."""
         self.name, self.place = component.name, 0
         self.messages: list[str] = []
         self.counts: dict[str, int] = {}

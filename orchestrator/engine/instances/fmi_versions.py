@@ -377,6 +377,7 @@ class Fmi3(FmiFunctions):
     def __init__(
         self, fmu: Any, calls: Mapping[str, Any], interface: Interface
     ) -> None:
+        """Bind the functions of an FMU of FMI 3.0 and collect the elements of its arrays."""
         super().__init__(fmu, calls, interface)
         self._done = _Done(is_complete=True)
         # elements of each variable, by its value reference
@@ -500,6 +501,7 @@ class Fmi3(FmiFunctions):
         return Prepared(call, "TRANSFER_3", n, pointers)
 
     def step(self, t: Any, dt: Any, no_state_before: int) -> Prepared:
+        """Prepare the call of fmi3DoStep from t over dt (s)."""
         done, c = self._done, ctypes.c_void_p(self.c)
         call = self._function(
             "fmi3DoStep",
@@ -529,6 +531,7 @@ class Fmi3(FmiFunctions):
         return ctypes.cast(of, ctypes.POINTER(ctypes.c_uint8))
 
     def explain_status(self, status: int) -> str:
+        """Explain why a step did not reach its end; empty if the status alone says it."""
         if self._done.terminate:
             return f"it asks for the end of the simulation at t = {self._done.last:g} s"
         if self._done.early:
@@ -640,6 +643,7 @@ class Fmi1(Fmi2):
     def moves(
         self, way: Way, signals: Sequence[Signal], values: Array
     ) -> list[Prepared]:
+        """Prepare the calls that set or get values; a Boolean of FMI 1.0 is one byte."""
         if signals[0].kind != "Boolean":
             return super().moves(way, signals, values)
         bytes_, every = np.zeros(len(signals), np.bool_), np.arange(len(signals))

@@ -34,6 +34,7 @@ class _Library:
     """Loaded library of an FMU, shared by all its instances in this process."""
 
     def __init__(self, fmu: Fmu, ours: bool, functions: type[FmiFunctions]) -> None:
+        """Load the library of an FMU and bind its functions."""
         folder, description = fmu.folder, fmu.description
         self.once = description.coSimulation.canBeInstantiatedOnlyOncePerProcess
         self.instances = 0
@@ -116,6 +117,10 @@ class FmuInstance:
     """
 
     def __init__(self, component: Component, fmu: Fmu) -> None:
+        """Load the FMU of a component and instantiate it.
+
+        Raises DesatError if it cannot be loaded or allows no further instance.
+        """
         self.name, self.place = component.name, 0
         self._interface = component.interface
         self.messages: list[str] = []  # logged messages whose status is not ok
@@ -230,6 +235,7 @@ class FmuInstance:
         full_step = self._functions.step(t, dt, 0).call
 
         def step() -> int:
+            """Make a step, in ever smaller parts if the FMU discards it."""
             self._state("Get", ctypes.byref(before))
             status = full_step()
             for count in (2**n for n in range(1, times + 1)):
@@ -360,6 +366,7 @@ class FmuInstance:
         self.counts.clear()
 
     def save(self) -> bytes:
+        """Return the state of the FMU as bytes."""
         state, of = ctypes.c_void_p(), self._functions
         self._state("Get", ctypes.byref(state))
         try:
@@ -395,6 +402,7 @@ class FmuInstance:
         self._call(self._functions.terminate)
 
     def close(self) -> None:
+        """Free the instance and its saved state."""
         if self._c:
             if self._before:
                 self._state("Free", ctypes.byref(self._before))

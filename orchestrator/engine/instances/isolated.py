@@ -61,6 +61,10 @@ class IsolatedInstance:
     """
 
     def __init__(self, component: Component, fmu: Fmu, limit: float = math.inf) -> None:
+        """Start the process of a component's FMU; a call ends after `limit` (s).
+
+        Raises DesatError if the FMU cannot be instantiated there.
+        """
         self.name, self.place = component.name, 0
         self.messages: list[str] = []
         self.counts: dict[str, int] = {}

@@ -59,6 +59,11 @@ class Recorder:
         go_on: int | None = None,
         about: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
+        """Open the series file of a run, or memory without a path, for the outputs chosen.
+
+        `patterns` select the series, `unwritten` buffers rows, and `go_on` is the number of
+        rows that a continued run has written before.
+        """
         self.path = path
         self._part = None if path is None else path.with_name(path.name + ".part")
         if self._part is None:

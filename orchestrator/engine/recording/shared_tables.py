@@ -44,7 +44,7 @@ class SeriesColumns:
 
 
 @dataclass(frozen=True)
-class _Entry:
+class _SharedTable:
     """Location of a variable in the tables."""
 
     table: str
@@ -67,7 +67,7 @@ def tables(
         taken = columns.setdefault((s.kind, s.interval), [])
         first = len(taken)
         taken += range(s.columns.start, s.columns.stop)
-        entry = _Entry(
+        entry = _SharedTable(
             name_of(s.kind, s.interval), first, len(taken), s.scalar, s.attributes
         )
         entries[f"{s.component}.{s.variable}"] = asdict(entry)
@@ -101,10 +101,10 @@ def chunk(rows: int, columns: int) -> tuple[int, int]:
     return rows, min(columns, _SIDE)
 
 
-class Columns:
+class SharedColumns:
     """Columns of a variable in a table, read like a separate data set."""
 
-    def __init__(self, file: Any, entry: _Entry) -> None:
+    def __init__(self, file: Any, entry: _SharedTable) -> None:
         self._table, self._entry, self.attrs = (
             file[entry.table],
             entry,
@@ -126,7 +126,7 @@ class Columns:
         return block[:, 0] if self._entry.scalar else block
 
 
-def index(file: Any) -> dict[str, Columns]:
+def index(file: Any) -> dict[str, SharedColumns]:
     """Map `component.variable` to its columns in a file with tables.
 
     The result is empty for any other file.
@@ -134,7 +134,10 @@ def index(file: Any) -> dict[str, Columns]:
     if INDEX not in file:
         return {}
     entries = json.loads(file[INDEX][()])
-    return {name: Columns(file, _Entry(**entry)) for name, entry in entries.items()}
+    return {
+        name: SharedColumns(file, _SharedTable(**entry))
+        for name, entry in entries.items()
+    }
 
 
 def data_sets(file: Any) -> Iterator[Any]:

@@ -73,6 +73,10 @@ class Plant:
     def __init__(
         self, scenario: Scenario, options: Options | None = None, designed: bool = False
     ) -> None:
+        """Build the scenario on bare blocks in the paper's fixed attitude.
+
+        Raises DesatError if its spacecraft is not of that block.
+        """
         case = case_for(scenario, options or Options(), designed)
         self.system, self._schedule = case.or_raise()
         self.settings = scenario.content.design or Design()
