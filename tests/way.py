@@ -1,12 +1,13 @@
 """How far a target travels through the code before it can run, counted on the running
 program.
 
-    python tests/way.py TARGET
+    python tests/way.py TARGET system|spine|prepared
 
-TARGET as `desat run` takes it. `prepare` is called with it, and every call of a
-function of the orchestrator is followed. Printed, as JSON: `functions`, different ones
-that ran; `calls`, different pairs of caller and callee in two files; `total`, all
-calls. Joining files lowers the second alone.
+TARGET as `desat run` takes it. Followed is every call of a function of the orchestrator:
+to the `system`, or to the prepared run (`prepared`), or to that with the list of checks
+emptied (`spine`), so that a new check costs nothing. Printed, as JSON: `functions`,
+different ones that ran; `calls`, different pairs of caller and callee in two files;
+`total`, all calls. Joining files lowers the second alone.
 """
 
 from __future__ import annotations
@@ -59,11 +60,16 @@ def followed(call: Callable[[], object], root: str) -> dict[str, int]:
 
 def main() -> None:
     import desat
-    from desat.runs.prepare import prepare
+    from desat.runs import checks
+    from desat.runs.prepare import prepare, resolved
     from desat.system.options import Options
 
     root = os.path.realpath(os.path.dirname(desat.__file__)) + "/"
-    print(json.dumps(followed(lambda: prepare(sys.argv[1], Options()), root)))
+    target, way = sys.argv[1], sys.argv[2]
+    if way == "spine":
+        checks.CHECKS = ()
+    call = resolved if way == "system" else prepare
+    print(json.dumps(followed(lambda: call(target, Options()), root)))
 
 
 if __name__ == "__main__":
