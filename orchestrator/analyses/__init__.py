@@ -146,8 +146,8 @@ def late_state_warnings(system: System) -> Iterator[str]:
 @cache
 def analyses() -> tuple[Analysis, ...]:
     """Return all analyses, by the names of their files."""
-    found = discovery.load("analyses")
-    return tuple(Analysis(module) for module in found if hasattr(module, "applies"))
+    modules = discovery.load("analyses")
+    return tuple(Analysis(module) for module in modules if hasattr(module, "applies"))
 
 
 def with_titles(rows: Mapping[str, tuple[str, float | None, str]]) -> dict[str, Value]:

@@ -118,8 +118,8 @@ def conditions(
         )
     each, name = _full(system, body)
     if np.isfinite(each).all():
-        momentum, found = worst_momentum(loop, body.wheels.axes, each)
-        yield LoopCondition(name, momentum, found, full=True)
+        momentum, result = worst_momentum(loop, body.wheels.axes, each)
+        yield LoopCondition(name, momentum, result, full=True)
 
 
 def _full(system: System, body: RigidBody) -> tuple[Array, str]:
@@ -164,12 +164,14 @@ def warnings(system: System) -> Iterator[str]:
     """
     reason = content_of(system.about).unstable
     for condition, loop in _looked_at(system):
-        found = condition.stability
-        if not found.stable and (reason or condition.full):
+        stability = condition.stability
+        if not stability.stable and (reason or condition.full):
             line = _line(system, loop, condition, "is unstable")
             yield f"{line} ({reason})" if reason else line
-        elif found.stable and not found.well_damped:
-            damping = f"has a damping of {found.damping:.2g} (below {LEAST_DAMPING:g})"
+        elif stability.stable and not stability.well_damped:
+            damping = (
+                f"has a damping of {stability.damping:.2g} (below {LEAST_DAMPING:g})"
+            )
             yield _line(system, loop, condition, damping)
 
 

@@ -105,7 +105,7 @@ def of_run(
         If a series is not recorded, if `first` is not within the run, or if the
         programme cannot be solved.
     """
-    known = course_of(manifest, results)
+    course = course_of(manifest, results)
     spent, momenta = (results.values(s) for s in SIGNALS[-2:])
     axes = _axes_of(manifest)
     shared = momenta @ axes.T @ np.linalg.pinv(axes).T
@@ -118,18 +118,18 @@ def of_run(
         )
     begin = float(times[0]) if first is None else first
     peak = float(fullest[times >= begin].max())
-    found = _least(manifest, *known, peak, begin)
+    bound = _least(manifest, *course, peak, begin)
     at_start = int(fullest.argmax()) < START * len(fullest)
-    if first is None and at_start and found is not None and found.energy < WORTH * used:
+    if first is None and at_start and bound is not None and bound.energy < WORTH * used:
         begin = float(times[int(LATE * len(times))])
         peak = float(fullest[times >= begin].max())
-        found = _least(manifest, *known, peak, begin)
+        bound = _least(manifest, *course, peak, begin)
     limit = _limit_of(manifest)
-    energy = None if found is None else found.energy
+    energy = None if bound is None else bound.energy
     if energy is not None and energy > used * (1.0 + ACCURACY):
         raise DesatError(
             f"{manifest.scenario}: no bound: the programme finds {energy:.4g} A2.m4.s, and the "
-            f"run takes {used:.4g}: dipoles held over samples of {known[0].dt:g} s do not "
+            f"run takes {used:.4g}: dipoles held over samples of {course[0].dt:g} s do not "
             "describe it"
         )
     return CoilBound(
@@ -139,7 +139,7 @@ def of_run(
         limit if np.isfinite(limit) else None,
         energy,
         max(0.0, 100.0 * (used / energy - 1.0)) if energy else None,
-        0.0 if found is None else found.ease,
+        0.0 if bound is None else bound.ease,
     )
 
 
@@ -150,9 +150,9 @@ def curve(
 
     Peaks without a solution are left out.
     """
-    known = course_of(manifest, results)
-    found = ((p, _least(manifest, *known, p, manifest.start)) for p in peaks)
-    return [(p, least.energy) for p, least in found if least is not None]
+    course = course_of(manifest, results)
+    bounds = ((p, _least(manifest, *course, p, manifest.start)) for p in peaks)
+    return [(p, least.energy) for p, least in bounds if least is not None]
 
 
 def _least(

@@ -371,19 +371,19 @@ def remarks(manifest: Manifest, results: Results) -> list[str]:
         ]
     if manifest.algorithm != "gauss_seidel":
         return []
-    found = of_run(parts, results)
-    if found is None:
+    flight_seen = of_run(parts, results)
+    if flight_seen is None:
         return []
     step = manifest.step / manifest.substeps
     rows = (
-        ("turn", step * found.turning, LIMITS.turn),
-        ("kick", step**2 * found.pushed, TOGETHER),
+        ("turn", step * flight_seen.turning, LIMITS.turn),
+        ("kick", step**2 * flight_seen.pushed, TOGETHER),
     )
     lines = []
     for name, values, limit in rows:
         k = int(values.argmax())
         if values[k] > limit * (1.0 + 1e-9):
-            at = f"at t = {found.times[k]:g} s, {TEXTS[name].format('all actuators')}"
+            at = f"at t = {flight_seen.times[k]:g} s, {TEXTS[name].format('all actuators')}"
             lines.append(_line(at, float(values[k]), limit))
     speeds = _speeds(parts, results.values(parts.series[2]))
     error, first_error = (jitter(parts, of, step) for of in (speeds, speeds[:1]))

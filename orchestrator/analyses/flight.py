@@ -265,7 +265,7 @@ def flight_of(system: System, results: Any) -> Flight:
         ours, so that their impulse cannot be separated from the disturbances.
     """
     hardware = hardware_of(system)
-    known = set(results.names())
+    series_names = set(results.names())
     q, omega, impulse, b, r, v, dipole = (
         results.values(s) for s in SERIES[:3] + SERIES[4:7] + SERIES[10:11]
     )
@@ -274,7 +274,9 @@ def flight_of(system: System, results: Any) -> Flight:
     times, q, omega, impulse, b, r, v = (
         x[:n] for x in (times, q, omega, impulse, b, r, v)
     )
-    h = results.values("wheels.h_wheel" if "wheels.h_wheel" in known else SERIES[3])
+    h = results.values(
+        "wheels.h_wheel" if "wheels.h_wheel" in series_names else SERIES[3]
+    )
     period = motion.period_of(r[0], v[0])
     if times[-1] - times[0] < period:
         raise DesatError(
@@ -290,10 +292,10 @@ def flight_of(system: System, results: Any) -> Flight:
     if inputs is not None:
         some = {k: x[::every] for k, x in inputs.items()}
         sources = impulses(system, some, q[rows][::every], at)
-        if SERIES[13] in known:
+        if SERIES[13] in series_names:
             torque = results.values(SERIES[13], rows)[::every]
             sources[TABLE_TORQUE] = integral(rotate_back(q[rows][::every], torque), at)
-    if SERIES[11] in known:
+    if SERIES[11] in series_names:
         # pulses of thrusters are shorter than rows, so sum up the disturbances instead
         if not sources:
             raise DesatError(
@@ -408,7 +410,7 @@ def attitude_of(system: System, q: Array, r: Array, v: Array) -> Attitude:
             for a, b in zip(q.tolist(), lvlh.tolist(), strict=True)
         ]
     )
-    found = []
+    attitudes = []
     for kind, each in (("nadir", relative), ("inertial", q)):
         mean = each[-1] + 0.0
         for _ in range(2):
@@ -417,8 +419,8 @@ def attitude_of(system: System, q: Array, r: Array, v: Array) -> Attitude:
             mean /= np.linalg.norm(mean)
         angle = 2.0 * np.arccos(np.clip(np.abs(each @ mean), 0.0, 1.0))
         x, y, z, w = mean.tolist()
-        found.append(Attitude(kind, (x, y, z, w), float(np.quantile(angle, 0.95))))
-    best = min(found, key=lambda a: a.wanders)
+        attitudes.append(Attitude(kind, (x, y, z, w), float(np.quantile(angle, 0.95))))
+    best = min(attitudes, key=lambda a: a.wanders)
     return best if best.wanders <= WANDERS else best._replace(kind="moving")
 
 
@@ -565,12 +567,12 @@ def inputs_at(block: Block, times: Sequence[float]) -> dict[str, Array]:
         rows = rows_of(component, times, outputs)
     if rows is None:  # there is none, or it failed: then the Python says why
         rows = _rows_of_block(block, times)
-    found, first = {}, 0
+    columns, first = {}, 0
     for name in ENVIRONMENT_OUTPUTS:
         size = np.size(getattr(block, name))
-        found[name] = rows[:, first : first + size]
+        columns[name] = rows[:, first : first + size]
         first += size
-    return found
+    return columns
 
 
 def _rows_of_block(block: Block, times: Sequence[float]) -> Array:

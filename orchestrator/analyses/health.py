@@ -74,8 +74,8 @@ def applies(system: System) -> HealthParts | None:
         ),
         None,
     )
-    found = HealthParts(sensors, _attitude(system), wheels)
-    return found if found != HealthParts() else None
+    parts = HealthParts(sensors, _attitude(system), wheels)
+    return parts if parts != HealthParts() else None
 
 
 def _fails_at_once(system: System, name: str) -> bool:

@@ -308,14 +308,14 @@ def problems(system: System) -> Iterator[str]:
         turned = 2.0 * float(np.arcsin(min(1.0, share))) if share > ACROSS else 0.0
     if turned <= MOST_TURN and not (nadir and turned > 0.0):
         return
-    shown = ", ".join(f"{x:g}" for x in target.tolist())
+    target_text = ", ".join(f"{x:g}" for x in target.tolist())
     place = manager.origins.get("h_target_body", system.place)
     only = (
         f"; only one along the orbit's normal, ({', '.join(f'{x:.3g}' for x in normal)}) in body, "
         "stays"
     )
     yield (
-        f"{place}: {manager.name}.h_target_body = ({shown}) N m s: {guide.model} turns "
+        f"{place}: {manager.name}.h_target_body = ({target_text}) N m s: {guide.model} turns "
         f"it by {np.degrees(turned):.3g} deg in eci, and no law turns a bias with it"
         f"{only if nadir else ''}"
     )
@@ -365,25 +365,27 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     there = existing(known_wheels)
     h, axes = h[:, there], axes_of(known_wheels)[:, there]
     times = results.times()
-    known = dict[str, float](
+    known_values = dict[str, float](
         zip(OF_MOMENTUM, of_momentum(times, h, axes, np.linalg.pinv(axes)), strict=True)
     )
     if parts.torquers:
         dipoles = results.values(f"{parts.torquers}.m_mean_body")
-        known |= coils_of(parts.torquers, manifest, dipoles)
+        known_values |= coils_of(parts.torquers, manifest, dipoles)
     if parts.wheels:
         values = manifest.values_of(parts.wheels)
         if "inertia_wheel" in values and "speed_limit" in values and there.any():
-            known["momentum_margin"] = margin(h, capacities(values)[there])
+            known_values["momentum_margin"] = margin(h, capacities(values)[there])
         saturated, speed = (results.values(f"{parts.wheels}.{n}") for n in _OF_WHEELS)
-        known |= zip(
+        known_values |= zip(
             OF_WHEELS, of_wheels(times, saturated, speed[:, there]), strict=True
         )
     if (compared := compare(manifest, results)) is not None:
-        known |= zip(OF_BALANCE, compared, strict=True)
+        known_values |= zip(OF_BALANCE, compared, strict=True)
     if (least := _least_braking(manifest, results)) is not None:
-        known["least_braking"] = least
-    return with_titles({n: (TITLES[n][0], x, TITLES[n][1]) for n, x in known.items()})
+        known_values["least_braking"] = least
+    return with_titles(
+        {n: (TITLES[n][0], x, TITLES[n][1]) for n, x in known_values.items()}
+    )
 
 
 def coils_of(torquers: str, manifest: Manifest, m: Array) -> dict[str, float]:
@@ -554,10 +556,14 @@ def _balance(manifest: Manifest, results: Results) -> MomentumBalance | None:
     """
     parts: ManagementParts = manifest.parts[KEY]
     values = manifest.parameters.get(parts.spacecraft, {})
-    needed = balanced(parts)
-    if not needed or parts.target is None or manifest.algorithm != "gauss_seidel":
+    series_needed = balanced(parts)
+    if (
+        not series_needed
+        or parts.target is None
+        or manifest.algorithm != "gauss_seidel"
+    ):
         return None
-    if missing(needed, results):
+    if missing(series_needed, results):
         return None
     if parts.thrusters and any(
         np.ravel(
@@ -565,7 +571,7 @@ def _balance(manifest: Manifest, results: Results) -> MomentumBalance | None:
         ).tolist()
     ):
         return None  # the torque of scheduled firings is a disturbance
-    q, omega, impulse, h, *actuators = (results.values(s) for s in needed)
+    q, omega, impulse, h, *actuators = (results.values(s) for s in series_needed)
     fired = actuators.pop() if parts.thrusters else None
     intervals = [x for x in (fired, *actuators[:1]) if x is not None]
     count = min(

@@ -235,8 +235,8 @@ def recorded_inputs(
     None where a series is not recorded.
     """
     n = rows.stop - rows.start
-    known = set(results.names())
-    if not {x for x in fed.values() if isinstance(x, str)} <= known:
+    series_names = set(results.names())
+    if not {x for x in fed.values() if isinstance(x, str)} <= series_names:
         return None
     return {
         name: np.reshape(results.values(f, rows), (n, -1))

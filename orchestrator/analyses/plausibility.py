@@ -114,11 +114,13 @@ def _dumps(system: System, wheels: WheelArray) -> Iterator[str]:
         "feedforward", True
     ):
         return
-    needed = torque * float(np.linalg.norm(np.linalg.pinv(wheels.axes), axis=1).max())
-    if needed > limit * (1.0 + 1e-9):
+    wheel_torque = torque * float(
+        np.linalg.norm(np.linalg.pinv(wheels.axes), axis=1).max()
+    )
+    if wheel_torque > limit * (1.0 + 1e-9):
         yield (
             f"{place_of(system, manager, 'torque')}: {manager.name}.torque = {torque:g} N m asks up "
-            f"to {needed:.3g} N m of a wheel, which gives {limit:g} N m: the craft turns with "
+            f"to {wheel_torque:.3g} N m of a wheel, which gives {limit:g} N m: the craft turns with "
             "each dump"
         )
 

@@ -120,8 +120,8 @@ def _given_sides(facts: CraftFacts) -> tuple[Sides | None, str, str, int]:
     text = facts.size.strip()
     match = re.fullmatch(r"(\d+)[uU]", text)
     if match is None or int(match[1]) not in CUBESATS:
-        known = ", ".join(f"{n}U" for n in CUBESATS)
-        raise DesatError(f"--size {text}: there is {known}; --box has any other")
+        size_names = ", ".join(f"{n}U" for n in CUBESATS)
+        raise DesatError(f"--size {text}: there is {size_names}; --box has any other")
     return (
         CUBESATS[int(match[1])],
         f"given: {text.upper()}",

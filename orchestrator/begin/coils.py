@@ -83,20 +83,20 @@ def design_coil(
         if re.fullmatch(r"[\d.]+", words[1])
         else _turns(words[1], build)
     )
-    found = build(turns)
-    if words[0] == "rod" and found.dipole > (most := coil.core_limit(a, b / 2.0)):
+    design = build(turns)
+    if words[0] == "rod" and design.dipole > (most := coil.core_limit(a, b / 2.0)):
         raise DesatError(
-            f"--rods {text}: {found.dipole:.3g} A m2; a core of {size[0]} is saturated at "
+            f"--rods {text}: {design.dipole:.3g} A m2; a core of {size[0]} is saturated at "
             f"{most:.2g} A m2"
         )
-    if found.mass > most_mass:
+    if design.mass > most_mass:
         raise DesatError(
-            f"--rods {text}: {turns:.3g} turns of {found.mass:.3g} kg; {most_mass:.3g} kg each is "
+            f"--rods {text}: {turns:.3g} turns of {design.mass:.3g} kg; {most_mass:.3g} kg each is "
             "a tenth of the craft: take a larger current"
         )
-    return found, (
+    return design, (
         f"{words[0]} of {turns:.0f} turns, {words[2]}, wire of {words[3]}, {words[4]}: "
-        f"{found.power:.3g} W, {1e3 * found.mass:.3g} g each"
+        f"{design.power:.3g} W, {1e3 * design.mass:.3g} g each"
     )
 
 

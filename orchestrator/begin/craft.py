@@ -345,13 +345,17 @@ def _of_class(
 
     A number takes the class of the nearest size.
     """
-    known, option, unit = classes()[kind], requested.option, requested.unit
-    if text in known:
-        return text, known[text], quantity(option, known[text][measure], unit)
+    class_values, option, unit = classes()[kind], requested.option, requested.unit
+    if text in class_values:
+        return (
+            text,
+            class_values[text],
+            quantity(option, class_values[text][measure], unit),
+        )
     if not is_number(text):
         raise DesatError(
             f"{option} {text}: no class"
-            f"{choices(text, known, f', or a number in {unit}')}"
+            f"{choices(text, class_values, f', or a number in {unit}')}"
         )
     size = requested(text)
     if kind == "wheels" and not re.search(
@@ -361,10 +365,12 @@ def _of_class(
             f"{option} {text}: a unit is needed, as {text}mNms or {text}Nms"
         )
     name = min(
-        known,
-        key=lambda n: abs(math.log(size / quantity(option, known[n][measure], unit))),
+        class_values,
+        key=lambda n: abs(
+            math.log(size / quantity(option, class_values[n][measure], unit))
+        ),
     )
-    return name, known[name], size
+    return name, class_values[name], size
 
 
 def _text(x: float) -> str:
@@ -762,32 +768,34 @@ def _stable_sample(
     axes = np.array(wheels.axes_si)[:, : wheels.count]
     each = np.full(wheels.count, fullest * wheels.capacity_si)
     sample = loop.sample()
-    found = longest_sample(loop, axes, each, (sample, *SAMPLE_TIMES))
-    if found == sample:
+    sample_time = longest_sample(loop, axes, each, (sample, *SAMPLE_TIMES))
+    if sample_time == sample:
         return sample
     momentum, _ = worst_momentum(loop, axes, each)
     fast = (
         f"with {100.0 * fullest:.3g} % in the wheels the craft nutates at "
         f"{loop.nutation(momentum):.3g} rad/s"
     )
-    if found is None:
+    if sample_time is None:
         raise DesatError(
             f"--wheels: {fast}: no sample time from {SAMPLE_TIMES[-1]:g} s on holds its attitude"
         )
     if is_given:
         raise DesatError(
-            f"--sample {sample:g}s: {fast}, which these samples do not hold; {found:g}s would do"
+            f"--sample {sample:g}s: {fast}, which these samples do not hold; {sample_time:g}s would do"
         )
-    return found
+    return sample_time
 
 
 def _limits(
     mass: float, orbit: Orbit, thrusters: Mapping[str, str] | None
 ) -> dict[str, str]:
     """Return the limits of the scenarios as texts, by the mass class."""
-    known = classes()["requirements"]
-    name = [n for n, x in known.items() if quantity("", x["mass"], "kg") <= mass][-1]
-    figures = known[name]
+    class_limits = classes()["requirements"]
+    name = [
+        n for n, x in class_limits.items() if quantity("", x["mass"], "kg") <= mass
+    ][-1]
+    figures = class_limits[name]
     limits = {
         key: f"{quantity('', figures[key], unit):g}"
         for key, unit in (

@@ -135,8 +135,8 @@ def _envelope(
         )
         np.fmax.at(top, part, np.abs(values))
     parts = np.arange(POINTS)
-    if (known := np.isfinite(top)).any():
-        top = np.interp(parts, parts[known], top[known], right=np.nan)
+    if (has_value := np.isfinite(top)).any():
+        top = np.interp(parts, parts[has_value], top[has_value], right=np.nan)
     return [float(x) for x in top]
 
 

@@ -277,13 +277,13 @@ class Cluster:
         A worker that only refused them would be free for the next ones at once. Returns
         whether any was ever retired.
         """
-        if found := self._unfit():
-            for worker, reason in found.items():
+        if obstacle := self._unfit():
+            for worker, reason in obstacle.items():
                 print(
                     f"worker {worker} {reason}: sent away", file=sys.stderr, flush=True
                 )
-            self._client.retire_workers(list(found))
-            self._sent_away += found
+            self._client.retire_workers(list(obstacle))
+            self._sent_away += obstacle
         return bool(self._sent_away)
 
     def submit(self, key: Hashable, *arguments: Any) -> None:

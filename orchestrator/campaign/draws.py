@@ -238,8 +238,8 @@ def ran(
     case = cases.prepare(replace(options, values={**options.values, **values}))
     system, _ = case.or_raise()
     if options.record == ("*",):
-        needed = (*series_of_numbers(system), *also)
-        case = replace(case, options=replace(case.options, record=needed))
+        series_needed = (*series_of_numbers(system), *also)
+        case = replace(case, options=replace(case.options, record=series_needed))
     choice = None
     if values_of is not None:
         choice = choose_for_cases(case, cases, options, values_of)
@@ -273,15 +273,15 @@ def series_of_numbers(system: System) -> tuple[str, ...]:
     The others need not be recorded.
     """
     content = content_of(system.about)
-    needed = tuple(needed_signals(content))
+    series_needed = tuple(needed_signals(content))
     if system.substeps == AUTO and (parts := coverage.applies(system)):
-        needed += tuple(parts.series)  # the substep choice checks them again
+        series_needed += tuple(parts.series)  # the substep choice checks them again
     for analysis in analyses():
         if parts := analysis.applies(system):
-            needed += tuple(analysis.signals(parts))
+            series_needed += tuple(analysis.signals(parts))
             if _asks_for(content, analysis):
-                needed += tuple(analysis.balanced(parts))
-    return needed
+                series_needed += tuple(analysis.balanced(parts))
+    return series_needed
 
 
 def _asks_for(content: Content, analysis: Analysis) -> bool:
@@ -461,9 +461,9 @@ def sweep(
     system = cases.draft(options.blocks)
     options = with_stop(cases.scenario, options)
     for name in axes if draws else ():
-        if drawn := overridden_by(system, name):
+        if dispersed := overridden_by(system, name):
             raise DesatError(
-                f"{target}: {name}: {drawn[0]} is sampled, and so cannot be an axis"
+                f"{target}: {name}: {dispersed[0]} is sampled, and so cannot be an axis"
             )
     points = [
         dict(zip(axes, v, strict=True)) for v in itertools.product(*axes.values())

@@ -68,7 +68,7 @@ def requirement(
     within = completed & entry.holds(values)
     n, inside = len(cases), int(within.sum())
     # one-sided at the confidence: a two-sided interval with twice the tail
-    shown = clopper_pearson(inside, n, 2.0 * confidence - 1.0)[0] / 100.0
+    assured_share = clopper_pearson(inside, n, 2.0 * confidence - 1.0)[0] / 100.0
     outside = [int(c) for c in cases[~within][:10]]
     return CaseVerdict(
         requirement=entry,
@@ -78,8 +78,8 @@ def requirement(
         lacking=int((completed & ~np.isfinite(values)).sum()),
         share_outside=100.0 * (n - inside) / n,
         interval_outside=clopper_pearson(n - inside, n, confidence),
-        shown_within=100.0 * shown,
-        met=shown >= probability,
+        shown_within=100.0 * assured_share,
+        met=assured_share >= probability,
         cases_outside=outside,
         commands=[rerun(folder, c) for c in outside[:3]],
         more_cases=more(n, inside, probability, confidence),

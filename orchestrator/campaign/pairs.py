@@ -88,12 +88,12 @@ def each_draw(
     or where theirs is 0 and would divide.
     """
     other = {row.number: row.numbers.get(name) for row in theirs}
-    found = {}
+    differences = {}
     for row in ours:
         a, b = row.numbers.get(name), other.get(row.number)
         if a is not None and b is not None and (b or not ratio):
-            found[row.number] = a / b if ratio else difference(a, b)
-    return found
+            differences[row.number] = a / b if ratio else difference(a, b)
+    return differences
 
 
 def differences(ours: Draws, theirs: Draws) -> dict[str, Spread]:

@@ -118,8 +118,8 @@ def read(folder: Path) -> CampaignPlan:
         raise DesatError(f"{folder}: no campaign (it has no {PLAN})")
     try:
         data = json.loads(file.read_text(encoding="utf-8"))
-        known = {f.name for f in fields(CampaignPlan)}
-        entries: JsonObject = {k: v for k, v in data.items() if k in known}
+        field_names = {f.name for f in fields(CampaignPlan)}
+        entries: JsonObject = {k: v for k, v in data.items() if k in field_names}
         entries["curves"] = tuple(entries.get("curves", ()))
         entries["keep"] = tuple(map(KeptSeries.parsed, entries.get("keep", ())))
         entries["options"] = Options(**entries.get("options", {}))

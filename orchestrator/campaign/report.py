@@ -390,18 +390,18 @@ def write(folder: Path) -> tuple[Path, CampaignSummary]:
 
     Returns the path of the page and the content.
     """
-    plan, found = read(folder), summary(folder)
-    entry = found.to_json()
+    plan, summarised = read(folder), summary(folder)
+    entry = summarised.to_json()
     write_json(folder / "report.json", entry)
-    drawn = _figures(folder, plan, found)
+    figures = _figures(folder, plan, summarised)
     text = render(
         "campaign.html",
         told=entry,
         plan=plan,
-        title=f"{_name_of(plan, found)}: campaign of {found.count} cases",
-        **figures_of([(f.caption, f.figure) for f in drawn]),
-        commands=[f.commands for f in drawn],
-        small=(small := _histograms(folder, found)),
+        title=f"{_name_of(plan, summarised)}: campaign of {summarised.count} cases",
+        **figures_of([(f.caption, f.figure) for f in figures]),
+        commands=[f.commands for f in figures],
+        small=(small := _histograms(folder, summarised)),
         data=data_element(
             {
                 "command": rerun(folder, "").rstrip(),
@@ -413,19 +413,19 @@ def write(folder: Path) -> tuple[Path, CampaignSummary]:
         ),
         number=shown,
         unit=spell_unit,
-        numbers=tabulate_numbers(found.numbers),
+        numbers=tabulate_numbers(summarised.numbers),
         kept=sorted(p.name for p in (folder / "kept").glob("*")),
     )
-    return write_page(folder / "report.html", text), found
+    return write_page(folder / "report.html", text), summarised
 
 
-def _name_of(plan: CampaignPlan, found: CampaignSummary) -> str:
+def _name_of(plan: CampaignPlan, summarised: CampaignSummary) -> str:
     """Return the title of a campaign's scenario; its name where that is gone."""
     try:
         title = content_of(system(plan).about).title
     except DesatError:
         title = ""
-    return title or Path(found.target).name.removesuffix(".toml")
+    return title or Path(summarised.target).name.removesuffix(".toml")
 
 
 class _PageFigure(NamedTuple):
@@ -437,20 +437,20 @@ class _PageFigure(NamedTuple):
 
 
 def _figures(
-    folder: Path, plan: CampaignPlan, found: CampaignSummary
+    folder: Path, plan: CampaignPlan, summarised: CampaignSummary
 ) -> list[_PageFigure]:
     """Draw the curves of a campaign, and its strongest drivers as scatter plots."""
     figures = [*_curves(folder, plan)]
     table = store.read(folder)
     good = _completed_cases(table)
     described = store.described(folder)
-    strongest = {d.number: d for d in reversed(found.drivers)}  # by number
+    strongest = {d.number: d for d in reversed(summarised.drivers)}  # by number
     for driver in sorted(strongest.values(), key=lambda d: -abs(d.correlation))[
         :_SCATTERS
     ]:
         x = flat(table[f"in.{driver.input}"])[good]
         y = flat(table[f"out.{driver.number}"])[good]
-        spread = found.numbers[driver.number]
+        spread = summarised.numbers[driver.number]
         caption = f"{spread.title} over {driver.input}, rank correlation {driver.correlation:.2f}"
         label = axis_label(_short(spread.title or ""), spread.unit or "", 2.4)
         unit = described.get(f"in.{driver.input.partition('[')[0]}", {}).get("unit", "")
@@ -467,10 +467,12 @@ def _of_input(plan: CampaignPlan, name: str) -> str:
     variable, _, element = variable.partition("[")
     component = system(plan).components.get(owner)
     interface = None if component is None else component.interface
-    known = interface.elements.get(variable, ()) if interface is not None else ()
-    if not known or not known[0].description:
+    signals = interface.elements.get(variable, ()) if interface is not None else ()
+    if not signals or not signals[0].description:
         return name
-    return f"{owner}: {known[0].description}{', ' * bool(element)}{element.rstrip(']')}"
+    return (
+        f"{owner}: {signals[0].description}{', ' * bool(element)}{element.rstrip(']')}"
+    )
 
 
 class _Small(NamedTuple):
@@ -488,18 +490,20 @@ class _Small(NamedTuple):
     cases: Sequence[Sequence[int]]
 
 
-def _histograms(folder: Path, found: CampaignSummary) -> list[_Small]:
+def _histograms(folder: Path, summarised: CampaignSummary) -> list[_Small]:
     """Draw a histogram of each number that differs between cases."""
     limits: dict[str, list[tuple[str, float]]] = {}
-    for name, verdict in found.requirements.items():
+    for name, verdict in summarised.requirements.items():
         entry = verdict.requirement
         extremes = [(f"{name}, max", entry.max), (f"{name}, min", entry.min)]
-        known = limits.setdefault(entry.number, [])
-        known += [(label, value) for label, value in extremes if value is not None]
+        limit_lines = limits.setdefault(entry.number, [])
+        limit_lines += [
+            (label, value) for label, value in extremes if value is not None
+        ]
     table, figures = store.read(folder), []
     good = _completed_cases(table)
     numbers = np.array(table["case"].to_pylist())[good]
-    for name, spread in found.numbers.items():
+    for name, spread in summarised.numbers.items():
         values = flat(table[f"out.{name}"])[good]
         there = np.isfinite(values)
         cases, values = numbers[there], values[there]
@@ -551,10 +555,12 @@ def _limits(plan: CampaignPlan, plot: Plot, unit: str) -> list[tuple[str, float]
         checked, _ = prepare(cases_of(plan).scenario, options).or_raise()
     except DesatError:
         return []
-    drawn = dispersions_of(system(plan)).keys()
-    same = [x for x in plot.limits if not any(name in str(x) for name in drawn)]
-    found = limits_of(same, parameters_of(checked.components.values()), unit)
-    return list({abs(value): (name, abs(value)) for name, value, _ in found}.values())
+    dispersed_names = dispersions_of(system(plan)).keys()
+    same = [
+        x for x in plot.limits if not any(name in str(x) for name in dispersed_names)
+    ]
+    limits = limits_of(same, parameters_of(checked.components.values()), unit)
+    return list({abs(value): (name, abs(value)) for name, value, _ in limits}.values())
 
 
 def _curves(folder: Path, plan: CampaignPlan) -> list[_PageFigure]:
@@ -614,9 +620,11 @@ def percentiles(
     fig, ax = figure(3.3)
     scale, time_unit = time_axis(times)
     x = times / scale
-    known = np.isfinite(curves).any(axis=0)
+    has_values = np.isfinite(curves).any(axis=0)
     bands = np.full((len(LEVELS) + 2, len(times)), np.nan)
-    bands[:, known] = np.nanpercentile(curves[:, known], (0.0, *LEVELS, 100.0), axis=0)
+    bands[:, has_values] = np.nanpercentile(
+        curves[:, has_values], (0.0, *LEVELS, 100.0), axis=0
+    )
     low, p5, p50, p95, p99, high = bands
     ax.area(x, low, high, COLOURS[0], alpha=0.12, label="all cases")
     ax.area(x, p5, p95, COLOURS[0], alpha=0.28, label="5 to 95 %")

@@ -87,9 +87,9 @@ def _as_signed(path: Path, signatures: str, *_: int) -> None:
 
     Errors are not cached, because a file may be repaired within a tick of the clock.
     """
-    found = hashlib.sha256(path.read_bytes()).hexdigest()
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
     if (
-        found not in signatures.split() and _signed(path) == signatures
+        digest not in signatures.split() and _signed(path) == signatures
     ):  # otherwise it has been replaced meanwhile
         raise _summary(path, ValueError("its sha256 is another"))
 
@@ -153,8 +153,8 @@ def _summary(path: Path, error: Exception) -> DesatError:
 def table(path: Path) -> JsonObject:
     """Read a JSON file that holds a table; raise DesatError if it does not."""
     try:
-        if isinstance(found := json.loads(path.read_text(encoding="utf-8")), dict):
-            return found
+        if isinstance(content := json.loads(path.read_text(encoding="utf-8")), dict):
+            return content
         raise DesatError(f"{path}: damaged (no table)")
     except ValueError as error:
         raise DesatError(f"{path}: damaged ({error})") from error
@@ -198,8 +198,8 @@ class CaseRow(RunRow):
         """Build the row from an entry of a journal or of the columns of a file."""
         stopped = entry["stopped_when"]
         ending = stopped and Stopped(stopped.get("condition", ""), stopped["time"])
-        known = {name: entry[name] for name in _FIELDS if name in entry}
-        return cls(**{**known, "number": entry["case"], "stopped_when": ending})
+        fields_given = {name: entry[name] for name in _FIELDS if name in entry}
+        return cls(**{**fields_given, "number": entry["case"], "stopped_when": ending})
 
 
 _FIELDS = tuple(f.name for f in fields(CaseRow))
@@ -358,8 +358,10 @@ def _part(folder: Path, kind: str, block: int) -> Path:
 
 def _parts(folder: Path) -> set[int]:
     """Find the blocks that have a Parquet file of cases."""
-    found = (p.stem.partition("-")[2] for p in (folder / CASES).glob("part-*.parquet"))
-    return {int(number) for number in found if number.isdecimal()}
+    block_names = (
+        p.stem.partition("-")[2] for p in (folder / CASES).glob("part-*.parquet")
+    )
+    return {int(number) for number in block_names if number.isdecimal()}
 
 
 def journal(folder: Path, block: int) -> Path:
@@ -439,9 +441,9 @@ def _table(rows: Sequence[CaseRow]) -> pa.Table:
     }
     ends = [row.stopped_when and row.stopped_when.time for row in rows]
     columns["stopped_when"] = pa.array(ends, pa.float64())
-    drawn = [dict(_flat(r.values)) for r in rows]
-    for name in sorted({n for d in drawn for n in d}):
-        columns[f"in.{name}"] = pa.array([d.get(name) for d in drawn])
+    value_rows = [dict(_flat(r.values)) for r in rows]
+    for name in sorted({n for d in value_rows for n in d}):
+        columns[f"in.{name}"] = pa.array([d.get(name) for d in value_rows])
     for name in sorted({n for r in rows for n in r.numbers}):
         columns[f"out.{name}"] = pa.array(
             [r.numbers.get(name) for r in rows], pa.float64()
@@ -539,7 +541,7 @@ def read(
 def versions_of(folder: Path, case: int) -> dict[str, str] | None:
     """Return the versions that a case was made with, or None if it does not exist."""
     path = _part(folder, CASES, case // BLOCK)
-    found = (
+    columns = (
         [
             r["versions"]
             for r in rows_in(path, ["case", "versions"]).to_pylist()
@@ -548,8 +550,8 @@ def versions_of(folder: Path, case: int) -> dict[str, str] | None:
         if path.exists()
         else []
     )
-    found = found or [r.versions for r in _journal(folder) if r.case == case]
-    versions: dict[str, str] | None = json.loads(found[-1]) if found else None
+    columns = columns or [r.versions for r in _journal(folder) if r.case == case]
+    versions: dict[str, str] | None = json.loads(columns[-1]) if columns else None
     return versions
 
 

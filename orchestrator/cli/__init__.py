@@ -290,24 +290,24 @@ def _say_usage(error: Any) -> None:
     text = " ".join(text.replace("Value error, ", "").split())
     if (name := getattr(error, "option_name", None)) and context is not None:
         if name.startswith("-") and text.startswith("No such option"):
-            known = [
+            option_names = [
                 x for p in context.command.params for x in (*p.opts, *p.secondary_opts)
             ]
-            text = f"no option {name}{_instead(name, known)}"
+            text = f"no option {name}{_instead(name, option_names)}"
     elif (unknown := re.fullmatch(r"No such command '(.*?)'\..*", text)) is not None:
-        known = list(getattr(getattr(context, "command", None), "commands", {}))
-        text = f"no command {unknown[1]}{_instead(unknown[1], known)}"
+        option_names = list(getattr(getattr(context, "command", None), "commands", {}))
+        text = f"no command {unknown[1]}{_instead(unknown[1], option_names)}"
     _say(f"{path}: {text} (`{path} --help`)")
 
 
-def _instead(name: str, known: Sequence[str]) -> str:
+def _instead(name: str, names: Sequence[str]) -> str:
     """Suggest a name in place of an unknown option or command, or return ""."""
     if name in RENAMED:
         return f"; {RENAMED[name]}"
     for option, others in MEANT.items():
-        if name in others and option in known:
+        if name in others and option in names:
             return f"; did you mean {option}?"
-    suggestion = nearest(name, known)
+    suggestion = nearest(name, names)
     return suggestion if "did you mean" in suggestion else ""
 
 

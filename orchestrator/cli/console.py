@@ -269,7 +269,7 @@ def print_table(table: Table, *, is_folded: bool = False) -> None:
     """
     if not table.rows:
         return
-    shown = RichTable(
+    rich_table = RichTable(
         box=None, pad_edge=False, header_style="bold", show_header=table.has_header
     )
     rows = [
@@ -284,14 +284,14 @@ def print_table(table: Table, *, is_folded: bool = False) -> None:
     ]
     for heading, column, width in zip(headings, table.columns, widths, strict=True):
         justify: JustifyMethod = "right" if column.kind == "number" else "left"
-        shown.add_column(heading, justify=justify, width=width)
+        rich_table.add_column(heading, justify=justify, width=width)
     for row in rows:
-        shown.add_row(*row)
+        rich_table.add_row(*row)
     usual = out.width
     full_width = sum(filter(None, widths)) + 2 * (len(widths) - 1)
     if not is_folded:
         out.width = max(usual, full_width)  # `print` limits its width to this
-    out.print(shown)
+    out.print(rich_table)
     out.width = usual
 
 

@@ -137,14 +137,14 @@ class AlgebraicLoop:
                 for source, c in member.incoming.get("Real", ())
                 if source.component in members
             }
-            known = _declared_inputs(member, slot.signal)
-            if known is None:
+            declared_inputs = _declared_inputs(member, slot.signal)
+            if declared_inputs is None:
                 member.instance.messages.append(
                     f"{name} does not answer to {', '.join(sorted(inputs))} between two "
                     "steps: it is taken as a state, and its algebraic loop is not solved "
                     "where it is none"
                 )
-            elif known & inputs:
+            elif declared_inputs & inputs:
                 declared.append(f"{slot.component}.{name}")
         if declared:
             names = ", ".join(sorted(declared))

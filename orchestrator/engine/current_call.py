@@ -76,10 +76,10 @@ def status_of(process: int) -> int | None:
     The child is reaped. UNKNOWN is returned if its status cannot be had.
     """
     try:
-        found, status = os.waitpid(process, os.WNOHANG)
+        ended_process, status = os.waitpid(process, os.WNOHANG)
     except ChildProcessError:  # the parent of this process made it ignore SIGCHLD
         return UNKNOWN
-    return status if found else None
+    return status if ended_process else None
 
 
 def describe_exit(status: int) -> str:

@@ -71,8 +71,8 @@ def _smaller(block: str, samples: int) -> dict[str, str]:
     areas = getattr(block_class(block), "work_areas", ())
     if not areas:
         raise DesatError(f"--samples {samples}: {block} makes no plan of samples")
-    known = {(m, name): getattr(m, name) for m, name, _ in areas}
-    most = min(known[m, name] // share for m, name, share in areas)
+    limits = {(m, name): getattr(m, name) for m, name, _ in areas}
+    most = min(limits[m, name] // share for m, name, share in areas)
     if not 1 <= samples <= most:
         raise DesatError(f"--samples {samples}: {block} has room for 1 to {most}")
     try:
@@ -80,7 +80,7 @@ def _smaller(block: str, samples: int) -> dict[str, str]:
             setattr(module, name, share * samples)
         return sources(block)[0]
     finally:
-        for (module, name), value in known.items():
+        for (module, name), value in limits.items():
             setattr(module, name, value)
 
 
@@ -91,12 +91,14 @@ def _native(block: str) -> Path:
         if archive.native is None:
             raise DesatError(f"{block}: there is no C of it: {archive.reason}")
         return archive.native
-    known = {path.stem: path for path in (paths.fmus() / "native").glob("*.fmu")}
-    if block in known:
-        return known[block]
+    files_by_name = {
+        path.stem: path for path in (paths.fmus() / "native").glob("*.fmu")
+    }
+    if block in files_by_name:
+        return files_by_name[block]
     if library.our_file(f"{block}.fmu") is not None:
         raise DesatError(f"{block}: there is no C of it, it runs as Python")
-    raise DesatError(f"{block}: no such block{nearest(block, known)}")
+    raise DesatError(f"{block}: no such block{nearest(block, files_by_name)}")
 
 
 def _commands(names: Sequence[str] | None) -> list[Sequence[str]]:

@@ -541,8 +541,8 @@ class Composite:
                     slot = places[component, signal.name]
                     of = self._master.row if slot.interval else self._master.live
                     value = self._element(of[v.kind], slot.index)
-                shown = f"{value} != 0" if v.kind == "Boolean" else value
-                yield f"    self->v{n}[{i}] = {shown};"
+                expression = f"{value} != 0" if v.kind == "Boolean" else value
+                yield f"    self->v{n}[{i}] = {expression};"
 
 
 def depends(

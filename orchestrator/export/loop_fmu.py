@@ -303,19 +303,19 @@ def _outputs_of(system: System, ends: LoopEnds) -> list[tuple[str, Signal]]:
         )
         names = [n for n in plotted if n.partition(".")[0] in system.components]
         names = [n for n in names if n.partition(".")[0] not in ends.without]
-    found = _matching(system, names, "output", "--outputs", ends.without)
+    outputs = _matching(system, names, "output", "--outputs", ends.without)
     if not ends.reals:
-        return found
+        return outputs
     named = {n for n in ends.outputs if not set(n) & set("*?[")}
-    for component, signal in found:
+    for component, signal in outputs:
         if signal.kind != "Real" and f"{component}.{signal.array}" in named:
             raise DesatError(
                 f"--reals: {component}.{signal.array} is of type {signal.kind}"
             )
-    found = [(name, signal) for name, signal in found if signal.kind == "Real"]
-    if not found:
+    outputs = [(name, signal) for name, signal in outputs if signal.kind == "Real"]
+    if not outputs:
         raise DesatError(f"--reals: {system.name} has no Real among these outputs")
-    return found
+    return outputs
 
 
 def _matching(
@@ -329,24 +329,26 @@ def _matching(
 
     Raises DesatError for one that matches none.
     """
-    known = [
+    known_names = [
         (name, s)
         for name, c in system.components.items()
         if name not in without
         for s in c.interface.of(causality)
         if s.kind in KINDS and s.name != "fault"
     ]  # a failing part ends the loop, whose own `fault` reports it
-    found: dict[tuple[str, str], Signal] = {}
+    signals: dict[tuple[str, str], Signal] = {}
     for pattern in patterns:
-        hits = [(n, s) for n, s in known if fnmatchcase(f"{n}.{s.array}", pattern)]
+        hits = [
+            (n, s) for n, s in known_names if fnmatchcase(f"{n}.{s.array}", pattern)
+        ]
         if not hits:
-            names = dict.fromkeys(f"{n}.{s.array}" for n, s in known)
+            names = dict.fromkeys(f"{n}.{s.array}" for n, s in known_names)
             raise DesatError(
                 f"{option} {pattern}: {system.name} has no {causality} of this name"
                 f"{nearest(pattern, names)}"
             )
-        found |= {(n, s.name): s for n, s in hits}
-    return [(name, s) for (name, _), s in found.items()]
+        signals |= {(n, s.name): s for n, s in hits}
+    return [(name, s) for (name, _), s in signals.items()]
 
 
 def _of_kind(signal: Signal, number: float) -> Scalar:

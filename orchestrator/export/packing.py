@@ -222,12 +222,12 @@ def _whole_arrays(system: System) -> list[_Ends]:
 
     Raises DesatError if an array is wired in part, or its elements in another order.
     """
-    found: dict[_Ends, dict[str, str]] = {}
+    suffixes: dict[_Ends, dict[str, str]] = {}
     for c in system.connections:
         ends = (c.source, c.output_array), (c.target, c.input_array)
         output = c.output.removeprefix(c.output_array)
-        found.setdefault(ends, {})[c.input.removeprefix(c.input_array)] = output
-    for ends, elements in found.items():
+        suffixes.setdefault(ends, {})[c.input.removeprefix(c.input_array)] = output
+    for ends, elements in suffixes.items():
         for component, name in ends:
             arrays = system.components[component].interface.arrays
             indices = [s.name.removeprefix(name) for s in arrays[name]]
@@ -236,7 +236,7 @@ def _whole_arrays(system: System) -> list[_Ends]:
                     f"{system.place}: {component}.{name}: its elements are not all wired, in "
                     "their order, to one array: pack it without --arrays"
                 )
-    return list(found)
+    return list(suffixes)
 
 
 def _list_connectors(

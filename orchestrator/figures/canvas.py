@@ -165,8 +165,8 @@ class Axes:
     def area(self, x: Any, low: Any, high: Any, colour: str, **look: Any) -> None:
         """Add the area between two lines of the same x."""
         x, low, high = (np.asarray(a, float) for a in np.broadcast_arrays(x, low, high))
-        known = np.isfinite(low) | np.isinf(x)
-        x, low, high = x[known], low[known], high[known]
+        has_value = np.isfinite(low) | np.isinf(x)
+        x, low, high = x[has_value], low[has_value], high[has_value]
         there_and_back = np.concatenate([x, x[::-1]]), np.concatenate([low, high[::-1]])
         self.marks.append(Mark(*there_and_back, colour, width=0.0, filled=True, **look))
 
@@ -220,10 +220,10 @@ class Axes:
         texts = self._of_y(self.y_range()).labels
         rows = len(self.y.label.split("\n")) if self.y.label else 0
         longest = max(map(len, texts), default=0)
-        needed = 110 + LETTER * self.size * longest + 1.2 * self.size * rows
-        if needed > self.left:
-            self.width -= needed - self.left
-            self.left = needed
+        width_needed = 110 + LETTER * self.size * longest + 1.2 * self.size * rows
+        if width_needed > self.left:
+            self.width -= width_needed - self.left
+            self.left = width_needed
 
     # --- layout -----------------------------------------------------------------------
 
@@ -447,8 +447,10 @@ class _Scale:
 
     def has(self, values: Array) -> NDArray[np.bool_]:
         """Return which values have a place; on a logarithmic axis it is above zero."""
-        known = ~np.isnan(values)
-        return known & ((values > 0.0) | np.isinf(values)) if self._log else known
+        has_place = ~np.isnan(values)
+        return (
+            has_place & ((values > 0.0) | np.isinf(values)) if self._log else has_place
+        )
 
     def __call__(self, values: Any) -> Array:
         """Convert values of the axis to places on the canvas (pixels)."""
@@ -556,12 +558,12 @@ def _painted(
     if not (mark.filled or mark.marker):
         return
     points = np.column_stack([across(x), up(y)])
-    known = np.isfinite(points.sum(axis=1))
+    is_finite = np.isfinite(points.sum(axis=1))
     if mark.filled:
-        parts = [points[p] for p in _parts(known) if p.stop - p.start > 2]
+        parts = [points[p] for p in _parts(is_finite) if p.stop - p.start > 2]
         yield Shape(parts, "", alpha=mark.alpha, fill=mark.colour, within=box)
     if mark.marker:
-        yield from _dots(mark, points[known])
+        yield from _dots(mark, points[is_finite])
 
 
 def _dots(mark: Mark, points: Array) -> Iterator[Dots]:
@@ -627,16 +629,16 @@ def _path_of(shape: Shape) -> str:
         look += f' stroke-dasharray="{" ".join(f"{10.0 * d:g}" for d in shape.dash)}"'
     if shape.alpha < 1.0:
         look += f' opacity="{shape.alpha:g}"'
-    drawn = f'<path d="{path}"{look}/>'
+    element = f'<path d="{path}"{look}/>'
     if shape.within is None:
-        return drawn
+        return element
     x0, top, width, height = (round(v) for v in shape.within)
     points = np.concatenate(shape.parts) - (x0, top)
     if (points >= -5.0).all() and (points <= (width + 5.0, height + 5.0)).all():
-        return drawn  # nothing to clip
+        return element  # nothing to clip
     return (
         f'<svg x="{x0}" y="{top}" width="{width}" height="{height}" '
-        f'viewBox="{x0} {top} {width} {height}">{drawn}</svg>'
+        f'viewBox="{x0} {top} {width} {height}">{element}</svg>'
     )
 
 

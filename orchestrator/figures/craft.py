@@ -72,21 +72,21 @@ def pieces(
         With `axes_wheel`, `axes_coil`, `position_nozzle` and `direction_nozzle`; None
         where the craft has none.
     """
-    found, scale = _body(spacecraft)
+    strokes, scale = _body(spacecraft)
     if wheels is not None:
-        found += _wheels(wheels)
+        strokes += _wheels(wheels)
     if torquers is not None:
-        found += _coils(torquers)
+        strokes += _coils(torquers)
     if thrusters is not None:
-        found += _nozzles(thrusters, scale)
+        strokes += _nozzles(thrusters, scale)
     reach = max(
-        [AXIS, *(1.15 * float(np.abs(f).max()) for p in found for f in p.faces)]
+        [AXIS, *(1.15 * float(np.abs(f).max()) for p in strokes for f in p.faces)]
     )
     for axis, (name, colour) in enumerate(zip("xyz", AXES, strict=True)):
         end = np.zeros(3)
         end[axis] = reach
-        found.append(_arrow("axis", colour, np.zeros(3), end, name))
-    return found
+        strokes.append(_arrow("axis", colour, np.zeros(3), end, name))
+    return strokes
 
 
 def _body(values: Values) -> tuple[list[Piece], float]:
@@ -141,7 +141,7 @@ def _square(normal: Array, centre: Array, area: float) -> Array:
 def _wheels(values: Values) -> list[Piece]:
     """Return a disc for each wheel, beside the centre along its axis."""
     axes, there = axes_of(values), existing(values)
-    found = []
+    strokes = []
     for k in np.flatnonzero(there):
         n = axes[:, k] / np.linalg.norm(axes[:, k])
         a, b = _across(n)
@@ -149,25 +149,25 @@ def _wheels(values: Values) -> list[Piece]:
         disc = OFFSET * n + DISC * (np.cos(turns) * a + np.sin(turns) * b)
         axle = np.array([np.zeros(3), 1.35 * OFFSET * n])
         label = f"w{k + 1}"
-        found.append(
+        strokes.append(
             Piece("wheel", WHEEL, (disc,), (axle,), label, tuple(1.7 * OFFSET * n))
         )
-    return found
+    return strokes
 
 
 def _coils(values: Values) -> list[Piece]:
     """Return a rod along the axis of each coil, through the centre."""
     axes = np.reshape(np.array(values.get("axes_coil", np.eye(3)), float), (3, -1))
-    found = []
+    strokes = []
     for k in range(axes.shape[1]):
         size = float(np.linalg.norm(axes[:, k]))
         if size > 0.0:
             end = ROD * axes[:, k] / size
             line = np.array([-end, end])
-            found.append(
+            strokes.append(
                 Piece("coil", COIL, (), (line,), f"m{k + 1}", tuple(-1.12 * end))
             )
-    return found
+    return strokes
 
 
 def _nozzles(values: Values, scale: float) -> list[Piece]:
@@ -178,12 +178,12 @@ def _nozzles(values: Values, scale: float) -> list[Piece]:
     directions = np.reshape(np.array(values["direction_nozzle"], float), (-1, 3))
     there = np.linalg.norm(directions, axis=1) > 0.0
     unit = scale or 2.0 * float(np.abs(positions[there]).max(initial=0.0)) or 1.0
-    found = []
+    strokes = []
     for k in np.flatnonzero(there):
         start = positions[k] / unit
         end = start - PLUME * directions[k] / np.linalg.norm(directions[k])
-        found.append(_arrow("nozzle", NOZZLE, start, end, f"n{k + 1}"))
-    return found
+        strokes.append(_arrow("nozzle", NOZZLE, start, end, f"n{k + 1}"))
+    return strokes
 
 
 def _arrow(kind: str, colour: str, start: Array, end: Array, label: str) -> Piece:

@@ -329,8 +329,12 @@ def _floats(values: Array) -> tuple[NDArray[np.float32], float]:
 
     It is not 0 where the values hardly differ.
     """
-    known = values[np.isfinite(values)]
-    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
+    finite_values = values[np.isfinite(values)]
+    low, high = (
+        (float(finite_values.min()), float(finite_values.max()))
+        if len(finite_values)
+        else (0.0, 0.0)
+    )
     offset = 0.5 * (low + high) if high - low < 1e-3 * max(abs(low), abs(high)) else 0.0
     with np.errstate(over="ignore"):  # values beyond a float are not drawn
         return (values - offset).astype("<f4"), offset

@@ -67,14 +67,14 @@ def series_figure(plot: Plot, runs: Sequence[Run]) -> Figure | None:
     _, results, parameters = runs[0]
     if (unit := unit_of(plot, results)) is None:
         return None
-    drawn = [_drawn_lines(plot, r, p, unit) for _, r, p in runs]
-    is_largest = len(runs) > 2 and any(len(lines) > 1 for lines in drawn)
+    lines_of_runs = [_drawn_lines(plot, r, p, unit) for _, r, p in runs]
+    is_largest = len(runs) > 2 and any(len(lines) > 1 for lines in lines_of_runs)
     if is_largest:
-        drawn = [_largest(lines) for lines in drawn]
+        lines_of_runs = [_largest(lines) for lines in lines_of_runs]
     limits = limits_of(plot.limits, parameters, unit)
     # limits of a magnitude apply on the positive side only
     signed = any(
-        np.nanmin(x.values, initial=0.0) < 0.0 for lines in drawn for x in lines
+        np.nanmin(x.values, initial=0.0) < 0.0 for lines in lines_of_runs for x in lines
     )
     orbit = plot.orbit
     seconds, time_unit = (orbit, "orbits") if orbit else time_axis(results.times())
@@ -82,9 +82,9 @@ def series_figure(plot: Plot, runs: Sequence[Run]) -> Figure | None:
     for ax, begin in panels:
         is_whole_run = begin is None
         lines = (
-            drawn
+            lines_of_runs
             if begin is None
-            else [[_since(x, begin) for x in run] for run in drawn]
+            else [[_since(x, begin) for x in run] for run in lines_of_runs]
         )
         _draw(
             ax,
@@ -161,8 +161,8 @@ def of_name(name: str | None, plots: Mapping[str, Plot], runs: Sequence[Run]) ->
 
 def unit_of(plot: Plot, results: Results) -> str | None:
     """Return the unit of a plot's axis, or None where its series are not recorded."""
-    known = set(results.names())
-    signals = [s for s in plot.signals if s in known]
+    series_names = set(results.names())
+    signals = [s for s in plot.signals if s in series_names]
     if not signals or (plot.derive and len(signals) < len(plot.signals)):
         return None
     quantity = derived.of_entry(plot)
@@ -285,15 +285,15 @@ def _draw_limits(
 
 def lines_of(plot: Plot, results: Results, unit: str) -> list[Line]:
     """Return the lines of a scenario's plot in a run, for recorded series only."""
-    known = set(results.names())
+    series_names = set(results.names())
     if plot.derive:
         return (
             _derived_lines(plot, results, unit)
-            if known.issuperset(plot.signals)
+            if series_names.issuperset(plot.signals)
             else []
         )
-    shown = (s for s in plot.signals if s in known)
-    return [line for signal in shown for line in _lines(plot, results, signal, unit)]
+    signals = (s for s in plot.signals if s in series_names)
+    return [line for signal in signals for line in _lines(plot, results, signal, unit)]
 
 
 def _derived_lines(plot: Plot, results: Results, unit: str) -> list[Line]:
@@ -455,13 +455,13 @@ def scattered(
     """
     fig, ax = figure()
     ax.x.log, ax.y.log, ax.x.label, ax.y.label = "x" in log, "y" in log, xlabel, ylabel
-    drawn = {
+    points_by_name = {
         label: tuple(
             np.where(np.isfinite(v), v, np.nan) for v in np.asarray(pair, float)
         )
         for label, pair in groups.items()
     }
-    for i, (label, (x, y)) in enumerate(drawn.items()):
+    for i, (label, (x, y)) in enumerate(points_by_name.items()):
         ax.plot(
             x,
             y,
@@ -471,7 +471,7 @@ def scattered(
             width=float(joined),
         )
     if diagonal:
-        top = max(float(np.nanmax(v)) for pair in drawn.values() for v in pair)
+        top = max(float(np.nanmax(v)) for pair in points_by_name.values() for v in pair)
         ax.plot([0, top], [0, top], "#888888", width=0.9, dash=DOTTED, label=diagonal)
     ax.make_room()
     return fig

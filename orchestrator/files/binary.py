@@ -84,11 +84,11 @@ def _dependency_fault(elf: Any, folder: Path, seen: frozenset[str] = _NONE) -> s
     from elftools.elf.elffile import ELFFile
 
     dynamic = elf.get_section_by_name(".dynamic")
-    needed = [t.needed for t in dynamic.iter_tags("DT_NEEDED")] if dynamic else []
-    files = {name: str(folder / name) for name in needed if (folder / name).exists()}
-    others = tuple(sorted(set(needed) - files.keys()))
+    libraries = [t.needed for t in dynamic.iter_tags("DT_NEEDED")] if dynamic else []
+    files = {name: str(folder / name) for name in libraries if (folder / name).exists()}
+    others = tuple(sorted(set(libraries) - files.keys()))
     files |= zip(others, _find_libraries(others), strict=True)
-    if missing := [name for name in needed if not files[name]]:
+    if missing := [name for name in libraries if not files[name]]:
         return f"it needs {', '.join(missing)}, which is not here"
     section = elf.get_section_by_name(".gnu.version_r")
     for library, entries in section.iter_versions() if section is not None else ():
@@ -100,7 +100,7 @@ def _dependency_fault(elf: Any, folder: Path, seen: frozenset[str] = _NONE) -> s
                 of_kind = [v for v in versions if v.rpartition("_")[0] == kind]
                 newest = max(of_kind, key=_numbers, default="none")
                 return f"it needs {entry.name} of {library.name}; here is {newest}"
-    neighbours = frozenset(needed).difference(others)
+    neighbours = frozenset(libraries).difference(others)
     for name in sorted(neighbours - seen):
         with open(files[name], "rb") as stream:
             if fault := _dependency_fault(ELFFile(stream), folder, seen | neighbours):

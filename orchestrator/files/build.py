@@ -50,8 +50,8 @@ def build(
     if designed:
         own_values = scenario.parameters(designed=False)
         draft.assign(_design_values(designed, own_values))
-    drawn = _drawn_origins(draft, scenario, options) if options.values else {}
-    _add_options(draft, options, drawn)
+    draw_origins = _drawn_origins(draft, scenario, options) if options.values else {}
+    _add_options(draft, options, draw_origins)
     if options.fmus != "native":
         draft.components = {
             name: replace(c, fmu=c.fmu and library.of_kind(c.fmu, options.fmus))
@@ -181,7 +181,9 @@ def _drawn_origins(
     return origins
 
 
-def _add_options(draft: Draft, options: Options, drawn: Mapping[str, str]) -> None:
+def _add_options(
+    draft: Draft, options: Options, draw_origins: Mapping[str, str]
+) -> None:
     """Add times, FMUs and values of the options.
 
     A drawn value that does not fit is a problem of its draw.
@@ -200,7 +202,7 @@ def _add_options(draft: Draft, options: Options, drawn: Mapping[str, str]) -> No
     for output, output_class in options.output_classes.items():
         draft.output_classes[output] = output_class
         draft.origins[output] = f"--output-class {output}={output_class}"
-    values = list(_option_values(options, drawn))
+    values = list(_option_values(options, draw_origins))
     replaced = []
     for text in options.sources:
         name, file, fmu, label = _chosen_fmu(text, options, draft)
@@ -212,15 +214,17 @@ def _add_options(draft: Draft, options: Options, drawn: Mapping[str, str]) -> No
     for given in values:
         _check_open(draft, given)
     before = len(draft.problems)
-    draft.assign(given for given in values if given.origin not in drawn.values())
+    draft.assign(given for given in values if given.origin not in draw_origins.values())
     if len(draft.problems) > before:
         raise DesatError("\n".join(dict.fromkeys(draft.problems[before:])))
-    draft.assign(given for given in values if given.origin in drawn.values())
+    draft.assign(given for given in values if given.origin in draw_origins.values())
     for name in replaced:
         adopt_shared(draft, name)
 
 
-def _option_values(options: Options, drawn: Mapping[str, str]) -> Iterator[Assignment]:
+def _option_values(
+    options: Options, draw_origins: Mapping[str, str]
+) -> Iterator[Assignment]:
     """Yield the values of the options; raise DesatError for one that is given twice."""
     names_given = set()
     for text in options.sets:
@@ -232,8 +236,8 @@ def _option_values(options: Options, drawn: Mapping[str, str]) -> Iterator[Assig
         yield Assignment(owner, name, value, f"--set {text}", typed)
     for key, value in options.values.items():
         owner, _, name = key.partition(".")
-        origin = drawn.get(key, key)
-        yield Assignment(owner, name, value, origin, subject=drawn.get(key, ""))
+        origin = draw_origins.get(key, key)
+        yield Assignment(owner, name, value, origin, subject=draw_origins.get(key, ""))
 
 
 def _check_open(draft: Draft, given: Assignment) -> None:

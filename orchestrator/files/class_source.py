@@ -121,8 +121,8 @@ def _text(name: str, value: Any, block: str) -> str:
         start = f"from {package} " if package else ""
         return f"{start}import {last}{alias}"
     origin = getattr(value, "__module__", None), getattr(value, "__name__", None)
-    known = sys.modules.get(origin[0] or "")
-    is_there = getattr(known, origin[1] or "", None) is value
+    loaded_module = sys.modules.get(origin[0] or "")
+    is_there = getattr(loaded_module, origin[1] or "", None) is value
     if is_there and origin[0] not in ("__main__", "builtins", None):
         alias = "" if origin[1] == name else f" as {name}"
         return f"from {origin[0]} import {origin[1]}{alias}"

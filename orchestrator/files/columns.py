@@ -59,9 +59,9 @@ def read_columns(
         is_first = False
         values = _numbers(fields)
         if values is None or len(values) != len(units):
-            needed = ", ".join(f"{n} in {u}" for n, u in units.items())
+            columns_needed = ", ".join(f"{n} in {u}" for n, u in units.items())
             raise DesatError(
-                f"{place}:{number}: {len(units)} numbers are needed, {needed}; got "
+                f"{place}:{number}: {len(units)} numbers are needed, {columns_needed}; got "
                 f"{line.strip()[:SHOWN]}"
             )
         rows.append(tuple(values[k] * f for k, f in zip(order, factors, strict=True)))
@@ -79,7 +79,7 @@ def _of_heading(
     """Return for each column its position in a row, and the factor to its unit."""
     positions: dict[str, int] = {}
     factors: dict[str, float] = {}
-    needed = ", ".join(f"{n} [{u}]" for n, u in units.items())
+    columns_needed = ", ".join(f"{n} [{u}]" for n, u in units.items())
     for k, field in enumerate(fields):
         match = _HEADING.fullmatch(field)
         title = "" if match is None else match[1].casefold()
@@ -90,14 +90,14 @@ def _of_heading(
         if match is None or name is None or name in positions:
             again = "twice" if name in positions else "no such column"
             raise DesatError(
-                f"{place}: column {field.strip()}: {again}; the columns are {needed}, in any "
+                f"{place}: column {field.strip()}: {again}; the columns are {columns_needed}, in any "
                 "order"
             )
         positions[name] = k
         factors[name] = _factor(match[2], units[name], f"{place}: {field.strip()}")
     if missing := [n for n in units if n not in positions]:
         raise DesatError(
-            f"{place}: no column {', '.join(missing)}; the columns are {needed}, in any order"
+            f"{place}: no column {', '.join(missing)}; the columns are {columns_needed}, in any order"
         )
     return [positions[n] for n in units], [factors[n] for n in units]
 
@@ -108,10 +108,10 @@ def _factor(text: str | None, unit: str, place: str) -> float:
         return 1.0
     dotted = ".".join(text.replace("*", " ").replace("·", " ").split())
     meant = with_dots(dotted) or dotted
-    found = known_unit(meant)
-    if found is None:
+    unit_meant = known_unit(meant)
+    if unit_meant is None:
         raise DesatError(f"{place}: unit {text} is not known; one that fits {unit} is")
-    converted = conversion(found, unit_of(unit))
+    converted = conversion(unit_meant, unit_of(unit))
     if converted is None or converted[1] != 0.0:
         raise DesatError(f"{place}: unit {text} does not fit {unit}")
     return converted[0]

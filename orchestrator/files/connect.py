@@ -105,10 +105,10 @@ def check_connectors(draft: Draft) -> None:
             is_used = is_wired or connector.name in with_values
             for text in _misfits(connector, signal, interface):
                 wrong[is_used].append((connector, text))
-        for is_used, found in wrong.items():
-            if found:
-                texts = [f"{c.name}: {text}" for c, text in found]
-                line = f"{draft.place}:{found[0][0].line}: {name}.{_counted(texts)}"
+        for is_used, misfits in wrong.items():
+            if misfits:
+                texts = [f"{c.name}: {text}" for c, text in misfits]
+                line = f"{draft.place}:{misfits[0][0].line}: {name}.{_counted(texts)}"
                 if is_used:
                     draft.problems.append(line)
                 else:
@@ -212,8 +212,8 @@ def _end(
         draft.problems.append(f"{place}: {c}: no component {owner}{hint}")
         return None
     interface = component.interface
-    known = component.connectors or interface.signals
-    if not known and interface is MISSING:
+    connectors = component.connectors or interface.signals
+    if not connectors and interface is MISSING:
         return None
     signal = interface.signals.get(connector)
     has_causality = signal is not None and signal.causality == causality
@@ -223,8 +223,8 @@ def _end(
         in_part = interface.elements.get(array, ()) and signal is None
         lacking[owner][f"{causality} {connector if in_part else array}"] = None
         return None
-    if connector not in known:
-        hint = nearest(connector, known)
+    if connector not in connectors:
+        hint = nearest(connector, connectors)
         draft.problems.append(
             f"{place}: {c}: {owner} has no connector {connector}{hint}"
         )

@@ -112,8 +112,10 @@ class Draft:
             return []
         owners = [c for c in components if given.name in c.interface.elements]
         if not owners:
-            known = {s.array for c in components for s in c.interface.parameters}
-            hint = nearest(given.name, known)
+            parameter_names = {
+                s.array for c in components for s in c.interface.parameters
+            }
+            hint = nearest(given.name, parameter_names)
             self.problems.append(
                 f"{given.origin}: no component has a parameter {given.name}{hint}"
             )

@@ -204,13 +204,15 @@ def _read(path: Path, called: str) -> tuple[Any, Any]:
         xml = _description_bytes(path, called)
         root = parse_bytes(xml, f"{called}/modelDescription.xml")
         version = root.get("fmiVersion") or "of no version"
-        known = _is_known(version)
-        if not known or root.find(_KIND.get(version, "CoSimulation")) is None:
+        is_supported = _is_known(version)
+        if not is_supported or root.find(_KIND.get(version, "CoSimulation")) is None:
             alone = next(
                 (kind for kind, element in _ALONE if root.find(element) is not None),
                 "model exchange",
             )
-            kind = f"FMI {version} for {alone} alone" if known else f"FMI {version}"
+            kind = (
+                f"FMI {version} for {alone} alone" if is_supported else f"FMI {version}"
+            )
             raise DesatError(
                 f"{called}: {kind}: FMI 1.0, 2.0 or 3.0 for co-simulation is needed: "
                 "export it as that"

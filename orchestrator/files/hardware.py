@@ -104,15 +104,15 @@ def values(
         return {"m_limit": of["dipole"]} | ({"lag": of["lag"]} if "lag" in of else {})
     if role == "thrusters":
         force = quantity("", of["force"], "N")
-        found: dict[str, Any] = {
+        parameter_values: dict[str, Any] = {
             "specific_impulse": of["impulse"],
             "least_pulse": of["pulse"],
         }
         if "tau_level" in parameters:  # a pair of thrusters each way
-            found["tau_level"] = [2.0 * force * present["arm"]] * 3
+            parameter_values["tau_level"] = [2.0 * force * present["arm"]] * 3
         if "thrust" in parameters:
-            found["thrust"] = [force] * 8
-        return found
+            parameter_values["thrust"] = [force] * 8
+        return parameter_values
     if role == "gyro":
         return {"angle_random_walk": walk(of)}
     slow = (
@@ -130,20 +130,20 @@ def _wheels(typical: bool, of: Figures, axes: list[float]) -> dict[str, Any]:
         quantity("", of["torque"], "N.m"),
     )
     rotor = quantity("", of["capacity"], "N.m.s") / speed
-    found: dict[str, Any] = {
+    parameters: dict[str, Any] = {
         "inertia_wheel": [rotor if any(axes[i::4]) else 0.0 for i in range(4)],
         "torque_limit": of["torque"],
         "speed_limit": of["speed"],
     }
     if typical:
         viscous, coulomb = friction(torque, speed)
-        found |= {
+        parameters |= {
             "motor_lag": WHEEL_LAG,
             "compensation": COMPENSATION,
             "viscous": viscous,
             "coulomb": coulomb,
         }
-    return found
+    return parameters
 
 
 def walk(gyro: Figures) -> float:

@@ -108,10 +108,12 @@ class InspectedFmu:
 
     def of_causality(self) -> dict[str, list[InspectedVariable]]:
         """Group the variables by causality, in the order of `CAUSALITIES`."""
-        found: dict[str, list[InspectedVariable]] = {name: [] for name in CAUSALITIES}
+        variables: dict[str, list[InspectedVariable]] = {
+            name: [] for name in CAUSALITIES
+        }
         for variable in self.variables:
-            found.setdefault(variable.causality, []).append(variable)
-        return {name: of for name, of in found.items() if of}
+            variables.setdefault(variable.causality, []).append(variable)
+        return {name: of for name, of in variables.items() if of}
 
 
 def is_fmu(target: str) -> bool:
@@ -186,17 +188,17 @@ def _role_fits(variables: Sequence[InspectedVariable]) -> Iterator[RoleFit]:
         misfits = [
             f"{v.name} ({reason})"
             for v in (*outputs, *of_role["input"])
-            if (found := known_variables.get((v.causality, v.name)))
-            and (reason := _misfit(found, v))
+            if (variable := known_variables.get((v.causality, v.name)))
+            and (reason := _misfit(variable, v))
         ]
-        known = {v.name for v in of_role["input"]}
+        input_names = {v.name for v in of_role["input"]}
         fit_value.append(
             RoleFit(
                 role,
                 tuple(v.name for v in outputs),
                 tuple(v.name for v in of_role["output"] if v not in outputs),
                 tuple(misfits),
-                tuple(sorted(inputs - known)),
+                tuple(sorted(inputs - input_names)),
             )
         )
     yield from sorted(
@@ -205,17 +207,19 @@ def _role_fits(variables: Sequence[InspectedVariable]) -> Iterator[RoleFit]:
     )
 
 
-def _misfit(found: InspectedVariable, declared: Variable) -> str:
+def _misfit(variable: InspectedVariable, declared: Variable) -> str:
     """Return how a variable differs from that of a role; empty if it does not."""
-    kind = SIGNAL_KINDS.get(found.type, found.type)
+    kind = SIGNAL_KINDS.get(variable.type, variable.type)
     if kind != declared.type:
-        return f"{found.type}, {declared.type} is needed"
-    if tuple(found.shape) != tuple(declared.shape):
-        sizes = [" x ".join(map(str, s)) or "1" for s in (found.shape, declared.shape)]
+        return f"{variable.type}, {declared.type} is needed"
+    if tuple(variable.shape) != tuple(declared.shape):
+        sizes = [
+            " x ".join(map(str, s)) or "1" for s in (variable.shape, declared.shape)
+        ]
         return f"{sizes[0]} elements, {sizes[1]} are needed"
-    unit = known_unit(found.unit) if found.unit else None
+    unit = known_unit(variable.unit) if variable.unit else None
     fit = unit is None or conversion(unit, unit_of(declared.unit)) is not None
-    return "" if fit else f"unit {found.unit}, {declared.unit} is needed"
+    return "" if fit else f"unit {variable.unit}, {declared.unit} is needed"
 
 
 def _line(error: Exception) -> str:
@@ -233,23 +237,23 @@ def _reference_faults(root: Any) -> list[str]:
     third = root.get("fmiVersion").startswith("3.")
     variables = root.findall("ModelVariables/*")
     if third:
-        known = {v.get("valueReference") for v in variables}
+        references = {v.get("valueReference") for v in variables}
         key, allowed = "valueReference", "the value reference of a variable"
     else:
-        known = {str(i) for i in range(1, len(variables) + 1)}
+        references = {str(i) for i in range(1, len(variables) + 1)}
         key, allowed = "index", f"1 to {len(variables)}"
     faults = []
     for element in root.iterfind("ModelStructure//*"):
         for attribute in (key, "dependencies"):
             for text in (element.get(attribute) or "").split():
-                if text not in known:
+                if text not in references:
                     faults.append(
                         f"ModelStructure: {element.tag}: {attribute} {text}: allowed is {allowed}"
                     )
     for variable in variables:
         derived = variable if third else next(iter(variable), variable)
         text = derived.get("derivative")
-        if text is not None and text not in known:
+        if text is not None and text not in references:
             name = variable.get("name")
             faults.append(f"{name}: derivative {text}: allowed is {allowed}")
     return faults
@@ -278,13 +282,13 @@ def _variables(description: Any) -> tuple[InspectedVariable, ...]:
 
     Scalars with a common name are one array.
     """
-    found: dict[tuple[str, str], InspectedVariable] = {}
+    variables: dict[tuple[str, str], InspectedVariable] = {}
     for v in description.modelVariables:
         causality = v.causality or "local"
         key = (base_name(v.name), causality)
-        before = found.get(key)
+        before = variables.get(key)
         unit = v.unit or getattr(v.declaredType, "unit", None) or ""
-        found[key] = InspectedVariable(
+        variables[key] = InspectedVariable(
             name=key[0],
             causality=causality,
             type=v.type,
@@ -292,15 +296,15 @@ def _variables(description: Any) -> tuple[InspectedVariable, ...]:
             unit=before.unit if before else unit,
             description=before.description if before else v.description or "",
         )
-    return tuple(found.values())
+    return tuple(variables.values())
 
 
 def _shape_of(variable: Any) -> tuple[int, ...]:
     """Return the shape of an FMI 3.0 array, or the indices that end a scalar's name."""
     if variable.shape:
         return tuple(variable.shape)
-    found = INDICES.search(variable.name)
-    return tuple(int(x) for x in found[1].split(",")) if found else ()
+    indices = INDICES.search(variable.name)
+    return tuple(int(x) for x in indices[1].split(",")) if indices else ()
 
 
 def _larger(one: tuple[int, ...], other: tuple[int, ...]) -> tuple[int, ...]:

@@ -82,18 +82,18 @@ class FmuFile:
             with zipfile.ZipFile(self.path) as archive:
                 if starts.MEMBER not in archive.namelist():
                     return None
-                found = starts.read(archive.read(starts.MEMBER).decode())
-                entry = index().get(found.origin)
+                start_table = starts.read(archive.read(starts.MEMBER).decode())
+                entry = index().get(start_table.origin)
                 if entry is None:
                     return None
                 data = (paths.fmus() / entry["file"]).read_bytes()
                 expected = starts.with_starts(
-                    starts.members_of(data), found.origin, found.values
+                    starts.members_of(data), start_table.origin, start_table.values
                 )
                 is_copy = sorted(archive.namelist()) == sorted(expected) and all(
                     archive.read(name) == data for name, data in expected.items()
                 )
-                return found if is_copy else None
+                return start_table if is_copy else None
         except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
             return None
 
@@ -471,10 +471,10 @@ def interface_of(
         require(name, registry.names(), "no block")
         return interface_of_block(name)
     if fmu is None:
-        known = {p.stem for p in paths.fmus().glob("*.fmu")}
-        hint = nearest(name, known) or "; run `make fmus`"
+        fmu_names = {p.stem for p in paths.fmus().glob("*.fmu")}
+        hint = nearest(name, fmu_names) or "; run `make fmus`"
         # a foreign system does not run our FMUs
-        hint = "" if is_foreign or name in known else hint
+        hint = "" if is_foreign or name in fmu_names else hint
         raise DesatError(f"FMU {source} is missing{hint}")
     return fmu.interface
 
@@ -498,7 +498,7 @@ def hashes(path: Path) -> frozenset[str]:
     DesatError
         If a line has another form; the message names it.
     """
-    known = set()
+    digests = set()
     for number, line in enumerate(text(path, str(path)).splitlines(), 1):
         line = line.partition("#")[0].strip()
         if line and not (match := _LINE.fullmatch(line)):
@@ -506,8 +506,8 @@ def hashes(path: Path) -> frozenset[str]:
                 f"{path}:{number}: {line[:40]!r}: a sha256 of 64 digits is needed"
             )
         if line and match:
-            known.add(match[1].lower())
-    return frozenset(known)
+            digests.add(match[1].lower())
+    return frozenset(digests)
 
 
 def fault_warnings(fmus: Iterable[tuple[str, Fmu | None]]) -> Iterator[str]:
@@ -522,14 +522,14 @@ def fault_warnings(fmus: Iterable[tuple[str, Fmu | None]]) -> Iterator[str]:
             components.setdefault(fmu, []).append(component)
     for fmu, names in components.items():
         try:
-            found = fmu.faults
+            faults_of_fmu = fmu.faults
         except (DesatError, OSError):
             continue
-        if found:
-            more = f" ({len(found) - 1} more)" if len(found) > 1 else ""
+        if faults_of_fmu:
+            more = f" ({len(faults_of_fmu) - 1} more)" if len(faults_of_fmu) > 1 else ""
             yield (
                 f"{_listed(names)}: {fmu.path.name}: not as FMI wants it: "
-                f"{found[0][:300]}{more}"
+                f"{faults_of_fmu[0][:300]}{more}"
             )
 
 
@@ -573,8 +573,8 @@ def problems(system: System, options: Options) -> Iterator[str]:
 def find_obstacle(fmu: Fmu) -> str:
     """Return why an FMU's library could not run here, or an empty text."""
     here = fmpy.platform_tuple if fmu.interface.fmi == "3.0" else fmpy.platform
-    if here not in (known := fmu.platforms):
-        there = ", ".join(known) or "none"
+    if here not in (platforms := fmu.platforms):
+        there = ", ".join(platforms) or "none"
         return f"{fmu.path.name} has no binary for {here}; there is {there}"
     fault = _loading_fault(fmu, here)
     return fault and f"{fmu.path.name}: its library cannot be loaded: {fault}"
@@ -616,6 +616,6 @@ def notes(components: Iterable[Component]) -> Iterator[str]:
     """Yield a line for each foreign FMU, with its platforms and its hash."""
     for c in components:
         if c.fmu is not None and not c.fmu.ours:
-            known = ", ".join(c.fmu.platforms) or "no platform"
-            note = f"is foreign native code, for {known}; sha256 {c.fmu.sha256}"
+            platforms = ", ".join(c.fmu.platforms) or "no platform"
+            note = f"is foreign native code, for {platforms}; sha256 {c.fmu.sha256}"
             yield f"{c.name}: {c.fmu.path.name} {note}"

@@ -60,10 +60,10 @@ def mend_structure(root: Any, place: str) -> tuple[str, ...]:
         variability, or if a dimension or a clock refers to a variable that does not
         exist.
     """
-    found = root.find("ModelVariables")
-    if found is None:
+    model_variables = root.find("ModelVariables")
+    if model_variables is None:
         raise DesatError(f"{place}: it has no ModelVariables")
-    variables = [v for v in found if isinstance(v.tag, str)]
+    variables = [v for v in model_variables if isinstance(v.tag, str)]
     version = root.get("fmiVersion", "")
     references = set()
     types = {t.get("name") for t in root.iterfind("TypeDefinitions/*")}
@@ -117,25 +117,27 @@ def _mend_references_3(
 
 
 def _mend_unknown(
-    unknown: Any, key: str, known: Container[int], place: str
+    unknown: Any, key: str, references: Container[int], place: str
 ) -> Iterator[str]:
     """Remove an unknown that points nowhere, or its dependencies that do."""
-    if fault := _fault_of(unknown, key, unknown.get(key, ""), known, place):
+    if fault := _fault_of(unknown, key, unknown.get(key, ""), references, place):
         unknown.getparent().remove(unknown)
         yield f"{fault}: it is left out"
         return
     for text in unknown.get("dependencies", "").split():
-        if fault := _fault_of(unknown, "dependencies", text, known, place):
+        if fault := _fault_of(unknown, "dependencies", text, references, place):
             for attribute in ("dependencies", "dependenciesKind"):
                 unknown.attrib.pop(attribute, None)
             yield f"{fault}: it is taken to depend on everything"
             return
 
 
-def _mend_derivative(element: Any, known: Container[int], place: str) -> Iterator[str]:
+def _mend_derivative(
+    element: Any, references: Container[int], place: str
+) -> Iterator[str]:
     """Remove a derivative's reference that points nowhere."""
     text = element.get("derivative", "")
-    if fault := _fault_of(element, "derivative", text, known, place):
+    if fault := _fault_of(element, "derivative", text, references, place):
         del element.attrib["derivative"]
         yield f"{fault}: it is left out"
 
@@ -198,14 +200,14 @@ def _check_type(variable: Any, place: str) -> None:
 
 
 def _fault_of(
-    element: Any, key: str, text: str, known: Container[int], place: str
+    element: Any, key: str, text: str, references: Container[int], place: str
 ) -> str:
     """Return a line if a reference is not among the known ones, else an empty text."""
-    if _read(text) in known:
+    if _read(text) in references:
         return ""
     allowed = (
-        f"1 to {len(known)}"
-        if isinstance(known, range)
+        f"1 to {len(references)}"
+        if isinstance(references, range)
         else "value references of variables"
     )
     return (

@@ -140,12 +140,14 @@ def read_packed(path: Path, place: str) -> Content:
         about = json.loads(contents(path, place).decode("utf-8"))
     except (ValueError, RecursionError) as error:
         raise DesatError(f"{place}: not JSON in UTF-8 ({error})") from error
-    known = (*OF_THE_CELL, *KEYS)
+    keys_allowed = (*OF_THE_CELL, *KEYS)
     if not isinstance(about, dict):
         wrong = ["a table is needed"]
     else:
         wrong = [
-            f"{k}: unknown key{nearest(k, known)}" for k in about if k not in known
+            f"{k}: unknown key{nearest(k, keys_allowed)}"
+            for k in about
+            if k not in keys_allowed
         ]
         if not isinstance(about.get("plots", []), list):
             wrong.append("plots: a list is needed")

@@ -153,10 +153,10 @@ def summary(family: str) -> str:
 def abbreviations(family: str, text: str) -> str:
     """Spell out a family's abbreviations that occur in a text; empty without any."""
     file = ROOT / family / "family.toml"
-    known = toml(file).get("abbreviations", {}) if file.exists() else {}
+    meanings = toml(file).get("abbreviations", {}) if file.exists() else {}
     there = [
         f"{name}: {meaning}"
-        for name, meaning in known.items()
+        for name, meaning in meanings.items()
         if re.search(rf"\b{name}\b", text)
     ]
     return "; ".join(there)
@@ -203,13 +203,13 @@ def survey(family: str) -> tuple[dict[str, Scenario], dict[str, str]]:
                 f"{both}: both make a scenario {name}; rename a file or a value"
             )
         good |= scenarios_found
-    known = {name.partition("/")[2] for name in good}
+    scenario_names = {name.partition("/")[2] for name in good}
     wrong: dict[str, str] = {}
     for scenario in good.values():
         for path, other in _others(scenario.content):
             unread = any(f"{other}-".startswith(f"{stem}-") for stem in broken)
-            if other not in known and not unread:
-                text = f"{scenario.place(path)}: no scenario {other}{nearest(other, known)}"
+            if other not in scenario_names and not unread:
+                text = f"{scenario.place(path)}: no scenario {other}{nearest(other, scenario_names)}"
                 wrong.setdefault(scenario.name, text)
     for name, text in wrong.items():
         broken.setdefault(good.pop(name).file.stem, text)
@@ -223,10 +223,12 @@ def of_its_file(name: str) -> Scenario | None:
     """
     family, _, rest = name.partition("/")
     files = (ROOT / family / "scenarios").glob("*.toml") if family in families() else ()
-    found = [f for f in files if f"{rest}-".startswith(f"{f.stem}-")]
+    candidates = [f for f in files if f"{rest}-".startswith(f"{f.stem}-")]
     try:
         found_scenarios = [
-            scenario for f in found if (scenario := _cell(f, family, name)) is not None
+            scenario
+            for f in candidates
+            if (scenario := _cell(f, family, name)) is not None
         ]
     except DesatError:
         return None
@@ -289,27 +291,27 @@ def find(name: str) -> Scenario:
         of_its_file(f"{family}/{other}") for _, other in _others(scenario.content)
     ):
         return scenario
-    known, _ = readable(family if family in families() else None)
+    scenarios_read, _ = readable(family if family in families() else None)
     broken = survey(family)[1] if family in families() else {}
     twice = [
         t
         for t in broken.values()
         if t.partition("both make a scenario ")[2].startswith(name)
     ]
-    if name in known and not twice:
-        return known[name]
+    if name in scenarios_read and not twice:
+        return scenarios_read[name]
     for stem, text in broken.items():
         if f"{rest}-".startswith(f"{stem}-"):
             raise DesatError(text)
     if name in families():
         raise DesatError(
-            f"{name} is a family of {len(known)} scenarios (desat list {name}); one of them is "
-            f"needed, as {next(iter(known))}"
+            f"{name} is a family of {len(scenarios_read)} scenarios (desat list {name}); one of them is "
+            f"needed, as {next(iter(scenarios_read))}"
         )
     hint = (
         "; a name is needed here, no file"
         if name.endswith(".toml")
-        else nearest(name, [*known, *files_in_current_folder()])
+        else nearest(name, [*scenarios_read, *files_in_current_folder()])
     )
     raise DesatError(f"no scenario {name}{hint}")
 
@@ -385,18 +387,18 @@ def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> TomlTable
     from ..language.scenario import OWN_KEYS  # imports pydantic, so only if needed
 
     merged: TomlTable = {}
-    known = [f.stem for f in file.parent.glob("*.toml")]
+    stems = [f.stem for f in file.parent.glob("*.toml")]
     for base in [bases] if isinstance(bases, str) else bases:
         below: Origins = {}
         if base.startswith(f"{ROLES}/"):
             table = load(_of_role(base, place), below, (*seen, file))
         elif "/" in base and not file.is_relative_to(paths.SCENARIOS):
             table = _ours(base, place, below, (*seen, file))
-        elif base in known:
+        elif base in stems:
             table = load(file.with_name(f"{base}.toml"), below, (*seen, file))
         else:
             raise DesatError(
-                f"{place}: extends: no file {base}.toml{nearest(base, known)}"
+                f"{place}: extends: no file {base}.toml{nearest(base, stems)}"
             )
         merge(merged, table, origins, below)
     for name in OWN_KEYS:
@@ -429,9 +431,12 @@ def _table(file: Path, place: str, _: object) -> TomlTable:
 def _of_role(name: str, place: str) -> Path:
     """Find the file with the standard numbers and plots of a role, `roles/manager`."""
     folder = paths.PACKAGE / "templates" / ROLES
-    role, known = name.partition("/")[2], sorted(f.stem for f in folder.glob("*.toml"))
-    if role not in known:
-        raise DesatError(f"{place}: extends: no {name}{nearest(role, known)}")
+    role, role_names = (
+        name.partition("/")[2],
+        sorted(f.stem for f in folder.glob("*.toml")),
+    )
+    if role not in role_names:
+        raise DesatError(f"{place}: extends: no {name}{nearest(role, role_names)}")
     return folder / f"{role}.toml"
 
 

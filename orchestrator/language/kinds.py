@@ -77,11 +77,11 @@ def key(
 
 def declared(table: type[BaseModel]) -> dict[str, Declared]:
     """Return the declared properties of each key of a table."""
-    found = {
+    declarations = {
         n: [x for x in f.metadata if isinstance(x, Declared)]
         for n, f in table.model_fields.items()
     }
-    return {name: (x or [Declared()])[0] for name, x in found.items()}
+    return {name: (x or [Declared()])[0] for name, x in declarations.items()}
 
 
 def _one_line(text: str) -> str:

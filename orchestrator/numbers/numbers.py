@@ -104,8 +104,8 @@ class BoundNumber(NamedTuple):
             return MeasuredNumber(None, 0, held)
         with np.errstate(over="ignore"):  # a run that diverges has infinite numbers
             value = self.measure(times, *(c[:rows] for c in columns), **self.options)
-        found = None if math.isnan(value) else self.convert(value)
-        return MeasuredNumber(found, rows, held)
+        converted_value = None if math.isnan(value) else self.convert(value)
+        return MeasuredNumber(converted_value, rows, held)
 
     def _columns(self, results: Results, signals: Sequence[str]) -> list[derived.Array]:
         """Return the measured columns, (rows, elements) each.
@@ -189,8 +189,8 @@ def sample_time_of(entry: Number | Plot, parameters: Table | None) -> float:
     measure = getattr(entry, "measure", "")
     reference = derived.reference_of(entry.signals, measure, entry.derive)
     owner = reference.partition(".")[0]
-    known = (parameters or {}).get(owner, {}).get("sample_time")
-    return float(known.value) if known is not None else 0.0
+    sample_time = (parameters or {}).get(owner, {}).get("sample_time")
+    return float(sample_time.value) if sample_time is not None else 0.0
 
 
 def evaluate(number: Number, results: Results, parameters: Table) -> MeasuredNumber:
@@ -262,8 +262,10 @@ def check_words(number: Number) -> None:
             raise MisfitError(
                 f"{measure} has no option {option}{hint}", "options", option
             )
-        if needed := _needed_instead(option, kinds[option], value):
-            raise MisfitError(f"got {value!r}; {needed} is needed", "options", option)
+        if option_needed := _needed_instead(option, kinds[option], value):
+            raise MisfitError(
+                f"got {value!r}; {option_needed} is needed", "options", option
+            )
     for option, default in defaults.items():
         if default is inspect.Parameter.empty and option not in number.options:
             raise MisfitError(f"{measure} needs {option}", "options")
@@ -332,9 +334,9 @@ def _conversion(
         If they do not fit.
     """
     name, unit = number.measure, number.unit
-    source, shown = unit_of(own_unit), own_unit or "1"
+    source, unit_text = unit_of(own_unit), own_unit or "1"
     if name in OWN_UNIT:
-        source, shown = OWN_UNIT[name](source), f"of {name}"
+        source, unit_text = OWN_UNIT[name](source), f"of {name}"
     if (reference := number.percent_of) is not None:
         if unit != "%":
             raise DesatError(f"unit {unit or None}: a number with percent_of is in %")
@@ -356,7 +358,7 @@ def _conversion(
         return lambda value: 100.0 * value / share
     if not unit or (name not in OWN_UNIT and unit_of(unit) == source):
         return lambda value: value
-    scaled = factor(source, unit, shown)
+    scaled = factor(source, unit, unit_text)
     return lambda value: value * scaled
 
 

@@ -85,13 +85,13 @@ def judge(
         ):
             unjudged[entry.number] = reason
             continue
-        found = numbers[entry.number]
-        met = found.value is not None and entry.holds(found.value)
+        number = numbers[entry.number]
+        met = number.value is not None and entry.holds(number.value)
         verdicts[name] = Verdict(
             entry.number,
-            found.title,
-            found.value,
-            found.unit,
+            number.title,
+            number.value,
+            number.unit,
             met,
             entry.min,
             entry.max,
@@ -110,10 +110,10 @@ def _too_little(
     """Return the reason why a run does not decide a requirement, else ""."""
     if entry.number not in numbers:
         return "not recorded"
-    found = numbers[entry.number]
+    measured = numbers[entry.number]
     number = content.numbers.get(entry.number)
-    if found.value is not None:
-        samples = found.samples
+    if measured.value is not None:
+        samples = measured.samples
         if samples is None or samples >= FEWEST_SAMPLES or number is None:
             return ""
         if number.measure in OF_ENDS:
@@ -122,7 +122,7 @@ def _too_little(
     if number is not None and number.measure in OF_EVENTS:
         return FEW_EVENTS
     if is_late and entry.max is not None:
-        limit = entry.max * factor(unit_of(found.unit), "s", f"of {entry.number}")
+        limit = entry.max * factor(unit_of(measured.unit), "s", f"of {entry.number}")
         if end - start < limit * (1.0 - 1e-9):
             return f"not reached at {end:g} s, where the run ends; it has until {start + limit:g} s"
     if number is not None and number.window and end < number.window[0]:

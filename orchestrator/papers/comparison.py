@@ -141,7 +141,7 @@ def rows_of(
     rows = []
     content = scenario.content
     for row, entry in content.judged.items():
-        found: PaperSpread | Share | None
+        spread: PaperSpread | Share | None
         if entry.share is not None:
             if drawn is None:
                 place = scenario.place(("paper", row))
@@ -149,25 +149,27 @@ def rows_of(
                     f"{place}: a share of samples, and {scenario.name} has none"
                 )
             values_drawn = values_of(drawn["draws"], entry.of, content)
-            counts = found = share_of(values_drawn, entry.share.least, entry.share.most)
+            counts = spread = share_of(
+                values_drawn, entry.share.least, entry.share.most
+            )
             ours = 100.0 * counts.count / counts.n
         else:
             ours = _value(scenario, row, entry.of, values, everything)
-            found = _spread_of(entry, drawn, content) if drawn else None
-        rows.append(_row(scenario, entry, ours, values, found))
+            spread = _spread_of(entry, drawn, content) if drawn else None
+        rows.append(_row(scenario, entry, ours, values, spread))
     undecided = (e for e in content.entries.values() if e.not_judged)
     return [*rows, *(_row(scenario, e, None, values, None) for e in undecided)]
 
 
 def _spread_of(
-    entry: PaperEntry, drawn: StoredScenario, content: Content
+    entry: PaperEntry, samples: StoredScenario, content: Content
 ) -> PaperSpread | None:
     """Return the spread of a row's number, or None if its samples lack it."""
-    if (summary := drawn["summary"].get(entry.of)) is None:
+    if (summary := samples["summary"].get(entry.of)) is None:
         return None
     number = content.numbers.get(entry.of)
     is_time = number is not None and number.measure in LATE
-    missing = len(drawn["draws"]) - summary.n if is_time else 0
+    missing = len(samples["draws"]) - summary.n if is_time else 0
     least, most = summary.levels["min"], summary.levels["max"]
     return PaperSpread(summary.n, least, most, entry.each or None, missing)
 

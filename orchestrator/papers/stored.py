@@ -256,8 +256,8 @@ def _processor() -> str:
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
     except OSError:
         return platform.processor()
-    found = re.search(r"model name\s*: (.*)", text)
-    return found[1] if found else platform.processor()
+    match = re.search(r"model name\s*: (.*)", text)
+    return match[1] if match else platform.processor()
 
 
 def write(result: StoredDraws) -> Path:
@@ -364,7 +364,7 @@ def read(family: str) -> StoredDraws:
         )
     columns = pq.read_table(pa.BufferReader(data)).to_pydict()
     places_of: dict[str, list[int]] = {}
-    known = scenarios(family) if family in families() else {}
+    scenarios_known = scenarios(family) if family in families() else {}
     for i, name in enumerate(columns["scenario"]):
         places_of.setdefault(name, []).append(i)
     result = cast(StoredDraws, head)
@@ -375,7 +375,7 @@ def read(family: str) -> StoredDraws:
             )
             for i in places_of.get(name, ())
         ]
-        of = known[name].content if name in known else NOTHING
+        of = scenarios_known[name].content if name in scenarios_known else NOTHING
         numbers = [r.numbers for r in samples["draws"]]
         samples["summary"] = spreads(numbers, samples["units"], late(of))
     return result
@@ -408,7 +408,7 @@ def require_current(stored: StoredDraws) -> None:
     if not names:
         return
     samples, family = stored["scenarios"], stored["family"]
-    known = with_draws(family)
+    families_stored = with_draws(family)
     causes = {
         "missing, too few or without a number that is needed": [
             n for n in names if n not in samples
@@ -416,16 +416,17 @@ def require_current(stored: StoredDraws) -> None:
         "of another scenario or other blocks": [
             n
             for n in names
-            if n in samples and samples[n]["sha256"] != digest(known[n])
+            if n in samples and samples[n]["sha256"] != digest(families_stored[n])
         ],
         "of other code of engine, measures or sampling": [
             n
             for n in names
-            if n in samples and samples[n].get("code_sha256") != code(known[n])
+            if n in samples
+            and samples[n].get("code_sha256") != code(families_stored[n])
         ],
     }
     lines = [
-        f"{family}: {len(of)} of {len(known)} stored samples are {cause}: {', '.join(of[:3])}"
+        f"{family}: {len(of)} of {len(families_stored)} stored samples are {cause}: {', '.join(of[:3])}"
         for cause, of in causes.items()
         if of
     ]
@@ -455,14 +456,18 @@ def renew(
     """
     if not file_of(family).exists():
         return compute(family, jobs, progress, also=also)
-    known = read(family)
+    draws_stored = read(family)
     lacking = [
         n
         for n, x in (also or {}).items()
-        if not known["scenarios"][n]["units"].keys() >= set(x)
+        if not draws_stored["scenarios"][n]["units"].keys() >= set(x)
     ]
-    old = {*outdated(known), *lacking}
-    return compute(family, jobs, progress, known, old, also) if old else known
+    old = {*outdated(draws_stored), *lacking}
+    return (
+        compute(family, jobs, progress, draws_stored, old, also)
+        if old
+        else draws_stored
+    )
 
 
 def confirm(family: str, count: int, jobs: int) -> list[str]:
@@ -472,11 +477,11 @@ def confirm(family: str, count: int, jobs: int) -> list[str]:
     agree (to ROUNDING), the samples are stamped as of the present code. Returns the
     names of the scenarios where they do not agree: `renew` is for these.
     """
-    known, failed = read(family), []
-    for name in outdated(known):
-        scenario, stored = with_draws(family)[name], known["scenarios"].get(name)
+    draws_stored, failed = read(family), []
+    for name in outdated(draws_stored):
+        scenario, stored = with_draws(family)[name], draws_stored["scenarios"].get(name)
         if stored is not None:
-            again = draws(name, count, known["seed"], Options(), jobs).rows
+            again = draws(name, count, draws_stored["seed"], Options(), jobs).rows
             if _alike(
                 [r.numbers for r in again], [r.numbers for r in stored["draws"][:count]]
             ):
@@ -484,7 +489,7 @@ def confirm(family: str, count: int, jobs: int) -> list[str]:
                     digest(scenario),
                     code(scenario),
                 )
-                write(known)
+                write(draws_stored)
                 continue
         failed.append(name)
     return failed

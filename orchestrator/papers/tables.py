@@ -57,12 +57,12 @@ def tables(
     RunError
         If a run does not complete.
     """
-    drawn = stored.read(family) if stored.with_draws(family) else None
-    return rows(family, options_of(None, None, None, options), jobs, drawn)
+    draws = stored.read(family) if stored.with_draws(family) else None
+    return rows(family, options_of(None, None, None, options), jobs, draws)
 
 
 def rows(
-    family: str, options: Options, jobs: int = 2, drawn: StoredDraws | None = None
+    family: str, options: Options, jobs: int = 2, samples: StoredDraws | None = None
 ) -> list[PaperCell]:
     """Run every scenario of a family that a paper's table has a cell for.
 
@@ -79,7 +79,7 @@ def rows(
         raise DesatError("\n".join(dict.fromkeys(wrong)))
     if not with_entries:
         raise DesatError(f"{family}: no scenario has paper values")
-    there = drawn["scenarios"] if drawn else {}
+    there = samples["scenarios"] if samples else {}
     pairs = {
         n: _pairs_of(s, there)
         for n, s in with_entries.items()
@@ -183,7 +183,7 @@ def _single(
 
 
 def as_json(
-    family: str, table: list[PaperCell], drawn: Provenance | None = None
+    family: str, table: list[PaperCell], samples: Provenance | None = None
 ) -> Mapping[str, Any]:
     """Return the data that `--json` prints.
 
@@ -199,7 +199,7 @@ def as_json(
         if banded.get("band"):
             banded["band"] = [min(max(x, -LARGEST), LARGEST) for x in banded["band"]]
     data = {"family": family, "count": count(table), "rows": entries}
-    return data if drawn is None else {**data, "run": drawn}
+    return data if samples is None else {**data, "run": samples}
 
 
 def texts_of(row: PaperCell) -> dict[str, str]:
@@ -370,14 +370,14 @@ def spelt(family: str, table: list[PaperCell]) -> str:
     return abbreviations(family, " ".join(texts))
 
 
-def origin(drawn: Provenance) -> str:
+def origin(samples: Provenance) -> str:
     """Describe where the numbers of samples come from."""
     origin_of_samples = (
         "just now"
-        if drawn["file"] == "computed now"
-        else f"on {drawn['date']} ({drawn['file']})"
+        if samples["file"] == "computed now"
+        else f"on {samples['date']} ({samples['file']})"
     )
-    return f"computed {origin_of_samples} with seed {drawn['seed']} by {drawn['components_as']}"
+    return f"computed {origin_of_samples} with seed {samples['seed']} by {samples['components_as']}"
 
 
 def write_html(
@@ -385,7 +385,7 @@ def write_html(
     table: list[PaperCell],
     path: Path,
     options: Options,
-    drawn: Provenance | None = None,
+    samples: Provenance | None = None,
 ) -> Path:
     """Write the tables as a self-contained page and return its path."""
     from importlib.metadata import version
@@ -401,7 +401,7 @@ def write_html(
         lead=(
             f"{summed_up(table)} Every number of ours was computed by a run of the scenario when "
             "this page was written"
-            + (f", medians of samples {origin(drawn)}." if drawn else ".")
+            + (f", medians of samples {origin(samples)}." if samples else ".")
         ),
         tables=pages,
         spelt=spelt(family, table),

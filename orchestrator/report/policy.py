@@ -54,8 +54,8 @@ class PageScripts:
         ValueError
             If the page has no place for a policy: its template does not extend page.html.
         """
-        before, found, after = page.partition(PLACEHOLDER)
-        if not found:
+        before, placeholder, after = page.partition(PLACEHOLDER)
+        if not placeholder:
             raise ValueError(
                 "a page without a policy: its template has to extend page.html"
             )

@@ -71,21 +71,21 @@ def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
         if r
     ]
     plots = about.plots if "plots" in about.written else _default(run.results)
-    drawn = (
+    figures = (
         management.figures(manifest, run.results)
         if manifest.parts.get(management.KEY)
         else []
     )
-    has_management = bool(drawn)
-    lead = max(1, len(drawn) + bool(manifest.verdicts))
-    drawn += [
+    has_management = bool(figures)
+    lead = max(1, len(figures) + bool(manifest.verdicts))
+    figures += [
         (plot.title, figure)
         for plot in _deciding_first(plots, manifest)
         if (figure := series_figure(plot, runs))
     ]
     for analysis in analyses():
         if analysis.KEY != management.KEY:
-            drawn += analysis.figures(manifest, run.results)
+            figures += analysis.figures(manifest, run.results)
     labels = [label for label, _, _ in runs]
     numbers = tabulate_numbers(
         manifest, baseline.manifest if baseline else None, labels, has_references=True
@@ -110,7 +110,7 @@ def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
         law=_law(manifest),
         **_pictures(manifest, run.results),
         files=_files(folder),
-        **figures_of(drawn),
+        **figures_of(figures),
         number=number,
         unit=spell_unit,
         value=lambda v: (
@@ -146,11 +146,11 @@ def _pictures(manifest: Manifest, results: Results) -> dict[str, Any]:
 
 def _files(folder: Path) -> dict[str, str]:
     """Return what the files beside a report hold, by their names."""
-    known = {
+    titles = {
         "series.h5": "all series (HDF5)",
         "manifest.json": "values, versions and numbers of the run",
     }
-    return {name: text for name, text in known.items() if (folder / name).exists()}
+    return {name: text for name, text in titles.items() if (folder / name).exists()}
 
 
 def _answer(manifest: Manifest) -> str:

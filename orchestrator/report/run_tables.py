@@ -80,8 +80,8 @@ def _with_too_few_events(manifest: Manifest) -> list[str]:
 
 def _number(manifest: Manifest, name: str) -> str | float | None:
     """Return a number of a run; None if the run lacks it."""
-    found = manifest.numbers.get(name)
-    return None if found is None else or_not_reached(found.value)
+    number = manifest.numbers.get(name)
+    return None if number is None else or_not_reached(number.value)
 
 
 def _required(manifest: Manifest) -> dict[str, Cell]:

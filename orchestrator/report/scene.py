@@ -87,19 +87,21 @@ def view(
     times = times[:count][rows]
     if len(times) < 2:
         return None
-    shown = {name: s[rows] for name, s in series.items()}
+    rows_by_series = {name: s[rows] for name, s in series.items()}
     craft = values.get("spacecraft", {})
-    if "h" in shown:
+    if "h" in rows_by_series:
         wheels = values.get("wheels") or craft
-        shown["h"] = shown["h"] @ axes_of(wheels)[:, : shown["h"].shape[1]].T
+        rows_by_series["h"] = (
+            rows_by_series["h"] @ axes_of(wheels)[:, : rows_by_series["h"].shape[1]].T
+        )
     for name in ("r", "v"):
-        if name in shown:
-            shown[name] = 1e-3 * shown[name]  # km, km/s
+        if name in rows_by_series:
+            rows_by_series[name] = 1e-3 * rows_by_series[name]  # km, km/s
     return {
         "count": len(times),
         "first": float(times[0]),
         "step": float(times[1] - times[0]),
-        "series": {name: _packed(s) for name, s in shown.items()},
+        "series": {name: _packed(s) for name, s in rows_by_series.items()},
         "colours": DIRECTIONS,
         "craft": [
             p.to_json()

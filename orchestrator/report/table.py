@@ -162,9 +162,9 @@ class Table:
         scales = {}
         for si, size in sizes.items():
             if self.is_scaled or len(units[si]) > 1:
-                shown = _suitable_unit(si, size)
+                scaled_unit = _suitable_unit(si, size)
                 for unit, factor in SCALES[si].items():
-                    scales[unit] = shown, factor / SCALES[si][shown]
+                    scales[unit] = scaled_unit, factor / SCALES[si][scaled_unit]
         return scales
 
     def _numbers(self) -> Iterator[tuple[str, float]]:

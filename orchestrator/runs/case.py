@@ -110,6 +110,6 @@ class Case:
         system, schedule = self.system, self.schedule
         assert system is not None
         assert schedule is not None
-        found = refusals(system, schedule, self.options.trusted)
-        problems, warnings = (explain(system, "\n".join(lines)) for lines in found)
+        refused = refusals(system, schedule, self.options.trusted)
+        problems, warnings = (explain(system, "\n".join(lines)) for lines in refused)
         return list(problems), list(warnings)

@@ -85,10 +85,10 @@ def draft_to_draw(scenario: Scenario, blocks: bool) -> Draft:
     draft = build(scenario, Options(blocks=blocks))
     described = described_by(draft, scenario)
     if described is not None and not draft.problems:
-        found = validation.content_problems(described.content, draft.components)
+        problems = validation.content_problems(described.content, draft.components)
         draft.problems += [
             f"{described.place(path)}: {text}"
-            for path, text in found
+            for path, text in problems
             if "dispersions" in path
         ]
     if draft.problems:

@@ -40,11 +40,11 @@ def loop_of_system(system: System, around: str | None = None) -> str:
         if signal.mean or is_mean(c.series):
             kind = "mean"
         wires[ends] = Wire(*ends, signal.unit_name, kind)
-    shown = {end for w in wires.values() for end in (w.source, w.target)}
+    wire_ends = {end for w in wires.values() for end in (w.source, w.target)}
     parts = {
         name: _part(c.interface.role)
         for name, c in system.components.items()
-        if around is None or name in shown | {around}
+        if around is None or name in wire_ends | {around}
     }
     title = f"Loop of {system.name}" if around is None else f"{around} of {system.name}"
     return diagram(parts, list(wires.values()), title)
@@ -77,11 +77,11 @@ def loop_of_run(manifest: Manifest, results: Results) -> str:
 
 def components_by_role(manifest: Manifest) -> dict[str, str]:
     """Return the component of each role of a run; of several the first by name."""
-    found: dict[str, str] = {}
+    names: dict[str, str] = {}
     for name in sorted(manifest.step_ratio):
         if role := _role_of(manifest, name):
-            found.setdefault(role, name)
-    return found
+            names.setdefault(role, name)
+    return names
 
 
 # roles whose parameters give the shape of a craft

@@ -209,7 +209,7 @@ def show(name: str) -> list[JsonObject]:
     """Return every value of a merged scenario, with its file, axis cell or design."""
     nominal = Path(name) / paths.NOMINAL
     named_file = nominal if nominal.is_file() else Path(name)
-    found = (
+    entries = (
         scenario.read_foreign(named_file)
         if named_file.suffix == ".toml"
         else scenario.find(name)
@@ -218,17 +218,17 @@ def show(name: str) -> list[JsonObject]:
         {
             "key": ".".join(path),
             "value": value,
-            "from": found.origin_of(path)[0],
-            "cell": origin(found.origins, path)[1].rstrip("."),
+            "from": entries.origin_of(path)[0],
+            "cell": origin(entries.origins, path)[1].rstrip("."),
         }
-        for path, value in _leaves(found.content.data)
+        for path, value in _leaves(entries.content.data)
     ]
-    if found.design is not None and found.design.exists():
+    if entries.design is not None and entries.design.exists():
         own_keys = {row["key"] for row in rows}
-        file = found.design.relative_to(scenario.ROOT.parent).as_posix()
+        file = entries.design.relative_to(scenario.ROOT.parent).as_posix()
         rows += [
             {"key": key, "value": value, "from": file, "cell": "design"}
-            for path, value in _leaves(found.parameters(), ("parameters",))
+            for path, value in _leaves(entries.parameters(), ("parameters",))
             if (key := ".".join(path)) not in own_keys
         ]
     return [{**row, "value": _plain(row["value"])} for row in rows]
@@ -258,10 +258,10 @@ def blocks(selection: str | None) -> tuple[str, list[dict[str, str]]]:
     DesatError
         If there is no such block or role.
     """
-    known = {name: interface_of_block(name) for name in registry.names()}
-    if selection in known:
+    interfaces = {name: interface_of_block(name) for name in registry.names()}
+    if selection in interfaces:
         assert selection is not None
-        interface = known[selection]
+        interface = interfaces[selection]
         rows = []
         for kind in ("parameter", "input", "output"):
             for name in dict.fromkeys(s.array for s in interface.of(kind)):
@@ -284,26 +284,26 @@ def blocks(selection: str | None) -> tuple[str, list[dict[str, str]]]:
         role = role_classes().get(selection)
         parts = [inspect.getdoc(block), _laws(block), _to_write(role) if role else ""]
         return "\n\n".join(filter(None, parts)), rows
-    roles = sorted({i.role for i in known.values()})
+    roles = sorted({i.role for i in interfaces.values()})
     if selection is not None and selection not in roles:
         raise DesatError(
-            f"{selection}: no block and no role{nearest(selection, [*known, *roles])}"
+            f"{selection}: no block and no role{nearest(selection, [*interfaces, *roles])}"
         )
     if selection is not None:
-        return _role(selection, known)
+        return _role(selection, interfaces)
     return "", [
         {"role": i.role, "block": name, "title": i.title}
-        for name, i in sorted(known.items(), key=lambda x: (x[1].role, x[0]))
+        for name, i in sorted(interfaces.items(), key=lambda x: (x[1].role, x[0]))
     ]
 
 
 def _role(
-    role: str, known: Mapping[str, Interface]
+    role: str, interfaces: Mapping[str, Interface]
 ) -> tuple[str, list[dict[str, str]]]:
     """Return what a role is, with its blocks, and rows of its variables."""
     declared = role_classes()[role]
     blocks_of_role = [
-        f"{name}: {i.title}" for name, i in sorted(known.items()) if i.role == role
+        f"{name}: {i.title}" for name, i in sorted(interfaces.items()) if i.role == role
     ]
     rows = [
         {

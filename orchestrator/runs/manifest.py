@@ -96,9 +96,9 @@ def numbers(content: Content, results: Results, parameters: Table) -> dict[str, 
     the run does not reach a number's window.
     """
     rows: dict[str, Value] = {}
-    known, end = set(results.names()), results.times()[-1:].tolist()
+    series_names, end = set(results.names()), results.times()[-1:].tolist()
     for name, number in content.numbers.items():
-        if not number.signals or not known.issuperset(number.signals):
+        if not number.signals or not series_names.issuperset(number.signals):
             continue
         value, samples, is_of_reference = evaluate(number, results, parameters)
         note = f"at {samples} samples of the reference" if is_of_reference else ""
@@ -112,9 +112,9 @@ def numbers(content: Content, results: Results, parameters: Table) -> dict[str, 
 
 def unrecorded(content: Content, results: Results) -> dict[str, str]:
     """Return the reason why a scenario's number could not be computed, by its name."""
-    known = set(results.names())
+    series_names = set(results.names())
     lacking = {
-        name: [s for s in number.signals if s not in known]
+        name: [s for s in number.signals if s not in series_names]
         for name, number in content.numbers.items()
     }
     return {
@@ -156,10 +156,10 @@ def check_identity(folder: Path, manifest: Manifest, results: Results) -> None:
     DesatError
         If they are of another run. Those of older versions do not say of which they are.
     """
-    found, expected = results.about(RUN_ID), run_id_of(manifest)
-    if found and expected and found != expected:
+    run_id, expected = results.about(RUN_ID), run_id_of(manifest)
+    if run_id and expected and run_id != expected:
         raise DesatError(
-            f"{folder}: its series are of another run (of {found.partition(' ')[2]}; its "
+            f"{folder}: its series are of another run (of {run_id.partition(' ')[2]}; its "
             f"{MANIFEST} is of {expected.partition(' ')[2]})"
         )
 

@@ -34,10 +34,10 @@ def titles() -> dict[str, str]:
 
 def text(name: str) -> str:
     """Return a page as Markdown; raise DesatError where there is none of this name."""
-    known = _pages()
-    if name not in known:
-        raise DesatError(f"desat help {name}: no such topic{nearest(name, known)}")
-    page = known[name].read_text(encoding="utf-8")
+    pages = _pages()
+    if name not in pages:
+        raise DesatError(f"desat help {name}: no such topic{nearest(name, pages)}")
+    page = pages[name].read_text(encoding="utf-8")
     for fence in FENCED.findall(page):  # directives of the site
         lines = DIRECTIVE.sub(_signature, OTHERS.sub("", fence))
         page = page.replace(fence, re.sub(r"^\.\. py:\w+::", "-", lines, flags=re.M))

@@ -31,9 +31,9 @@ def options_of(
         If there is no such option, or a value is wrong.
     """
     entries: dict[str, Any] = dict(keywords)
-    known = {*RunOptions.__annotations__, "sets", "stop", "step", *others}
+    option_names = {*RunOptions.__annotations__, "sets", "stop", "step", *others}
     if unknown := [name for name in entries if name not in RunOptions.__annotations__]:
-        raise DesatError(f"{unknown[0]}: no option{nearest(unknown[0], known)}")
+        raise DesatError(f"{unknown[0]}: no option{nearest(unknown[0], option_names)}")
     if sets is not None and not isinstance(sets, Mapping):
         raise DesatError(
             f"sets: a {type(sets).__name__} is given; a mapping of 'component.variable' "

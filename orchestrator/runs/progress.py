@@ -30,8 +30,10 @@ Tell = Callable[[int, str], None]
 def in_notebook() -> bool:
     """Return whether this runs in a notebook's kernel."""
     shell = sys.modules.get("IPython")
-    found = shell.get_ipython() if shell is not None else None
-    return found is not None and type(found).__name__ == "ZMQInteractiveShell"
+    interpreter = shell.get_ipython() if shell is not None else None
+    return (
+        interpreter is not None and type(interpreter).__name__ == "ZMQInteractiveShell"
+    )
 
 
 @contextmanager
@@ -91,9 +93,9 @@ def _bar(title: str, total: int, done: int) -> Iterator[Tell]:
         TextColumn("{task.fields[told]}"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, transient=True, console=Console(stderr=True)) as shown:
-        task = shown.add_task(title, total=total, completed=done, told="")
-        yield lambda count, text: shown.update(task, completed=count, told=text)
+    with Progress(*columns, transient=True, console=Console(stderr=True)) as bar:
+        task = bar.add_task(title, total=total, completed=done, told="")
+        yield lambda count, text: bar.update(task, completed=count, told=text)
 
 
 def _lines(title: str, total: int, done: int) -> Iterator[Tell]:

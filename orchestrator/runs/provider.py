@@ -50,5 +50,5 @@ class LayerProvider:
 @cache
 def provider() -> LayerProvider:
     """Return the module that provides designs, or its substitute."""
-    found = discovery.load("providers")
-    return cast(LayerProvider, found[0]) if found else LayerProvider()
+    modules = discovery.load("providers")
+    return cast(LayerProvider, modules[0]) if modules else LayerProvider()

@@ -105,15 +105,15 @@ class Run:
         judged = {v.number: v for v in self.manifest.verdicts.values()}
         rows = {
             name: (
-                found.title,
-                found.value,
-                found.unit,
+                number.title,
+                number.value,
+                number.unit,
                 judged[name].limits,
                 judged[name].met,
             )
             if name in judged
-            else (found.title, found.value, found.unit, "", None)
-            for name, found in self.manifest.numbers.items()
+            else (number.title, number.value, number.unit, "", None)
+            for name, number in self.manifest.numbers.items()
         }
         columns = ["title", "value", "unit", "limit", "met"]
         return DataFrame.from_dict(rows, orient="index", columns=columns)
@@ -206,15 +206,13 @@ class Run:
 
     def __repr__(self) -> str:
         manifest = self.manifest
-        shown = [
+        number_texts = [
             f"{n}={x.value:.4g} {x.unit}"
             for n, x in list(manifest.numbers.items())[:SHOWN]
             if x.value is not None
         ]
         more = [f"{len(manifest.not_met)} not met"] if manifest.not_met else []
-        return (
-            f"<Run {manifest.scenario}: {', '.join([manifest.status, *shown, *more])}>"
-        )
+        return f"<Run {manifest.scenario}: {', '.join([manifest.status, *number_texts, *more])}>"
 
     def _repr_html_(self) -> str:
         return f"<p>{escape(repr(self))}</p>{self.numbers.to_html(na_rep='')}"
@@ -312,8 +310,8 @@ def _with_inner(case: Case, choice: SubstepChoice | None) -> Case:
 
 def _tell(run: Run, choice: SubstepChoice, folder: Path | None) -> None:
     """Add the result of a second substep choice to a run's manifest."""
-    known = run.manifest.substep_choice
-    choice = replace(choice, switches=known.switches if known else {})
+    choice_made = run.manifest.substep_choice
+    choice = replace(choice, switches=choice_made.switches if choice_made else {})
     manifest = replace(run.manifest, substep_choice=choice)
     manifest = replace(
         manifest,
@@ -429,11 +427,13 @@ def _measure(run: Run, system: System) -> None:
                 },
             )
     if manifest.completed:
-        found, unjudged = judge(
+        verdicts, unjudged = judge(
             content, manifest.numbers, system.start, manifest.end_time or system.start
         )
         manifest = replace(
-            manifest, verdicts=found, not_checked={**unjudged, **manifest.not_checked}
+            manifest,
+            verdicts=verdicts,
+            not_checked={**unjudged, **manifest.not_checked},
         )
     lines = dict.fromkeys([*manifest.warnings, *not_checked(manifest.not_checked)])
     run.manifest = replace(manifest, warnings=list(lines))

@@ -77,14 +77,14 @@ def condition(system: System) -> StopCondition | None:
     signal = _signal(system, stop_when.signal)
     if stop_when.reaches is not None:
         kind: EndingKind = "reaches"
-        limit, shown = (
+        limit, limit_text = (
             float(_reaches(signal, stop_when.reaches)),
             str(stop_when.reaches),
         )
     else:
         kind = "below" if stop_when.below is not None else "above"
-        limit, shown = _limit(system, signal, stop_when, kind)
-    text = f"{stop_when.signal} {kind} {shown}" + (
+        limit, limit_text = _limit(system, signal, stop_when, kind)
+    text = f"{stop_when.signal} {kind} {limit_text}" + (
         f" for {stop_when.held:g} s" if stop_when.held else ""
     )
     owner, _, variable = stop_when.signal.partition(".")
@@ -106,8 +106,10 @@ def _reaches(signal: Signal, value: Any) -> int:
     if signal.kind == "Real":
         raise MisfitError(f"{place} a Real, which has below and above", *keys)
     if (signal.kind == "Boolean") != isinstance(value, bool):
-        needed = "Boolean: true or false" if signal.kind == "Boolean" else "an Integer"
-        raise MisfitError(f"{place} {needed}", *keys)
+        type_needed = (
+            "Boolean: true or false" if signal.kind == "Boolean" else "an Integer"
+        )
+        raise MisfitError(f"{place} {type_needed}", *keys)
     if isinstance(value, str):
         if value not in signal.choices:
             raise MisfitError(

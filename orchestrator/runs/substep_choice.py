@@ -245,12 +245,12 @@ def choose_again(
     parts = coverage.applies(system)
     if choice.reached is None or parts is None:
         return None
-    found = coverage.of_run(parts, results)
-    if found is None:
+    reached_rows = coverage.of_run(parts, results)
+    if reached_rows is None:
         return None
-    beyond = _beyond(found, choice.reached)
+    beyond = _beyond(reached_rows, choice.reached)
     is_loose, fires = system.accuracy >= LOOSE, "thrusters" in system.roles
-    grown = _grown(choice, found) if beyond and is_loose and not fires else None
+    grown = _grown(choice, reached_rows) if beyond and is_loose and not fires else None
     more = choice if grown is None else grown
     looks = [(k, text, LOOK) for k, text in beyond] if grown is None else []
     if is_loose:
@@ -258,17 +258,17 @@ def choose_again(
         crossings = _crossings(h, choice.steps, choice.crossed)
         pulses = _pulses(impulse, choice.steps) if fires else []
         looks += [
-            (k, f"at t = {found.times[k]:g} s {text}", CROSSING)
+            (k, f"at t = {reached_rows.times[k]:g} s {text}", CROSSING)
             for k, text in (
                 *((k, "a wheel passes zero") for k in crossings),
                 *((k, "a thruster fires") for k in pulses),
             )
-            if k < len(found.times)
+            if k < len(reached_rows.times)
         ]
     # The second power, not the third, to be safe; the first where pulses end in a step.
     power = 1 if fires else 2
     looks_there = [
-        (_there(system, parts.series, results, found, k, steps), text, steps)
+        (_there(system, parts.series, results, reached_rows, k, steps), text, steps)
         for k, text, steps in looks
     ]
     if looks_there:
@@ -277,7 +277,7 @@ def choose_again(
             more = _apart(system, options, flying)
     if more == choice:
         return None
-    reached = tuple(map(max, more.reached or choice.reached, found.largest()))
+    reached = tuple(map(max, more.reached or choice.reached, reached_rows.largest()))
     return replace(more, reached=reached)  # type: ignore[arg-type]
 
 
@@ -318,14 +318,14 @@ def _there(
     system: System,
     series: Sequence[str],
     results: Results,
-    found: Reached,
+    reached_rows: Reached,
     row: int,
     steps: int,
 ) -> System:
     """Return the system as it begins two steps before a row of a run."""
     k = max(0, row - 2)
     state = [results.values(name)[k] for name in series[:3]]
-    there = begin_at(system, float(found.times[k]), state)
+    there = begin_at(system, float(reached_rows.times[k]), state)
     if steps == CROSSING:  # its error is at its largest there, and then decays
         there = replace(
             there, stop=min(there.stop, there.start + CROSSING * there.step)
@@ -409,7 +409,7 @@ def _choice_there(
     return _Flights(system, options, least, steps).choice(target)
 
 
-def _grown(choice: SubstepChoice, found: Reached) -> SubstepChoice | None:
+def _grown(choice: SubstepChoice, reached_rows: Reached) -> SubstepChoice | None:
     """Return the choice with its estimate raised to what a run has reached.
 
     A substep's error is proportional to how fast the body turns and to how much its
@@ -419,11 +419,11 @@ def _grown(choice: SubstepChoice, found: Reached) -> SubstepChoice | None:
     if choice.estimate is None or choice.reached is None:
         return None
     estimate = choice.estimate
-    for now, seen in zip(found.largest(), choice.reached, strict=True):
+    for now, seen in zip(reached_rows.largest(), choice.reached, strict=True):
         estimate *= max(1.0, now / max(seen, 1e-15))
     if estimate > choice.accuracy:
         return None
-    reached = tuple(map(max, choice.reached, found.largest()))
+    reached = tuple(map(max, choice.reached, reached_rows.largest()))
     return replace(choice, estimate=estimate, reached=reached)  # type: ignore[arg-type]
 
 
@@ -466,13 +466,15 @@ def _fastest_crossings(h: Array) -> Iterator[tuple[int, float]]:
             yield 0, 0.0
 
 
-def _beyond(found: Reached, seen: tuple[float, float, float]) -> list[tuple[int, str]]:
+def _beyond(
+    reached_rows: Reached, seen: tuple[float, float, float]
+) -> list[tuple[int, str]]:
     """Find the rows where a run went furthest beyond its flights, with a text each."""
     rows = []
     looks = (
-        ("turns at {:.3g} rad/s", found.turning),
-        ("is accelerated by {:.3g} rad/s2", found.pushed),
-        ("has its acceleration changed by {:.3g} rad/s2", found.changed),
+        ("turns at {:.3g} rad/s", reached_rows.turning),
+        ("is accelerated by {:.3g} rad/s2", reached_rows.pushed),
+        ("has its acceleration changed by {:.3g} rad/s2", reached_rows.changed),
     )
     for (text, values), most in zip(looks, seen, strict=True):
         k = int(values.argmax()) if len(values) else 0
@@ -481,7 +483,7 @@ def _beyond(found: Reached, seen: tuple[float, float, float]) -> list[tuple[int,
             rows.append(
                 (
                     k,
-                    f"at t = {found.times[k]:g} s the body {finding}, by {most:.3g} at most in "
+                    f"at t = {reached_rows.times[k]:g} s the body {finding}, by {most:.3g} at most in "
                     "the flights beforehand",
                 )
             )

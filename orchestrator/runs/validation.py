@@ -136,16 +136,16 @@ def bind_plot(
         signals = [_series(components, name) for name in plot.signals]
     except DesatError as error:
         raise MisfitError(str(error), "signals") from error
-    known = [signal for signal in signals if signal is not None]
+    units = [signal for signal in signals if signal is not None]
     if quantity:
-        known = [
-            SeriesUnit(quantity.unit or x.unit, len(quantity.names)) for x in known[:1]
+        units = [
+            SeriesUnit(quantity.unit or x.unit, len(quantity.names)) for x in units[:1]
         ]
-    for unit, count in known:
+    for unit, count in units:
         _check_lines(plot, unit, count)
-    if known and parameters is not None:
+    if units and parameters is not None:
         try:
-            limits_of(plot.limits, parameters, plot.unit or known[0].unit)
+            limits_of(plot.limits, parameters, plot.unit or units[0].unit)
         except DesatError as error:
             raise MisfitError(str(error), "limits") from error
 
@@ -227,10 +227,14 @@ def _check_dispersion(
     """Raise MisfitError if a parameter cannot have the values of a dispersion."""
     kind, count = spec.kind, len(elements)
     values = getattr(spec, kind)
-    needed = {"signs": len(values) if kind == "signs" else 0, "attitude": 4, "seed": 1}
-    if count != needed.get(kind, count):
+    counts_needed = {
+        "signs": len(values) if kind == "signs" else 0,
+        "attitude": 4,
+        "seed": 1,
+    }
+    if count != counts_needed.get(kind, count):
         raise MisfitError(
-            f"{kind}: {variable} has {count} elements, not {needed[kind]}"
+            f"{kind}: {variable} has {count} elements, not {counts_needed[kind]}"
         )
     if kind == "direction" and count < 2:
         raise MisfitError(f"direction: {variable} has one element; a vector is needed")
@@ -252,9 +256,9 @@ def _require_number(content: Content, name: str, key: str) -> None:
     """Raise MisfitError if a run computes no number of this name."""
     if name in content.numbers:
         return
-    known = {*content.numbers, *(n for a in analyses() for n in a.NUMBERS)}
-    if name not in known:
-        raise MisfitError(f"no number {name}{nearest(name, known)}", key)
+    number_names = {*content.numbers, *(n for a in analyses() for n in a.NUMBERS)}
+    if name not in number_names:
+        raise MisfitError(f"no number {name}{nearest(name, number_names)}", key)
 
 
 def _series(components: Components, name: str) -> SeriesUnit | None:
@@ -357,8 +361,8 @@ def recording_problems(system: System, options: Options) -> Iterator[str]:
         if pattern != "*" and not any(
             selects([pattern], name, signal) for name, signal in outputs
         ):
-            known = {f"{name}.{s.series}" for name, s in outputs}
-            yield f"--record {pattern}: no output fits{nearest(pattern, known)}"
+            series_names = {f"{name}.{s.series}" for name, s in outputs}
+            yield f"--record {pattern}: no output fits{nearest(pattern, series_names)}"
     if options.every > system.steps:
         yield f"--every {options.every}: the run has {system.steps} steps"
 
@@ -417,10 +421,12 @@ def check_disk(system: System, options: Options, folder: Path) -> str:
     """Return a warning if the series may not fit on the disk of a folder, else ""."""
     while not folder.exists():
         folder = folder.parent
-    needed, disk = size(system, options), shutil.disk_usage(folder)
-    if needed < (free := disk.free) or not disk.total:  # a total of 0: not a real disk
+    bytes_needed, disk = size(system, options), shutil.disk_usage(folder)
+    if (
+        bytes_needed < (free := disk.free) or not disk.total
+    ):  # a total of 0: not a real disk
         return ""
     return (
-        f"the series may take {needed / 1e9:.3g} GB, {free / 1e9:.3g} GB are free in {folder}: "
+        f"the series may take {bytes_needed / 1e9:.3g} GB, {free / 1e9:.3g} GB are free in {folder}: "
         "record less (--record)"
     )

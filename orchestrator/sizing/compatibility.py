@@ -141,8 +141,10 @@ def fitting(
     """
     system, _ = case.or_raise()
     manager_flown = system.components[ROLE]
-    known = _table_of(system, manager_flown, terms)
-    found = [Fitting(law_name(manager_flown), manager_flown.model, True, case, {})]
+    parameters = _table_of(system, manager_flown, terms)
+    laws_fitting = [
+        Fitting(law_name(manager_flown), manager_flown.model, True, case, {})
+    ]
     some = sorted(
         _laws_of(names),
         key=lambda m: (m != manager_flown.model, m != PLAINEST),
@@ -160,13 +162,15 @@ def fitting(
                 refused.append(Refused(label.replace("_", " "), reason))
             continue
         for law in _laws(block, manager):
-            if law.name == found[0].name or not _is_asked(law, manager, names, others):
+            if law.name == laws_fitting[0].name or not _is_asked(
+                law, manager, names, others
+            ):
                 continue
             try:
-                found.append(_fit(case, manager_flown, manager, law, known))
+                laws_fitting.append(_fit(case, manager_flown, manager, law, parameters))
             except DesatError as error:
                 refused.append(Refused(law.name, str(error).splitlines()[0]))
-    return found, refused
+    return laws_fitting, refused
 
 
 def check_names(names: Sequence[str], others: Sequence[str] = ()) -> None:
@@ -198,15 +202,19 @@ def _laws_of(names: Sequence[str]) -> list[str]:
     """Return the managers that laws or managers name."""
     every = managers()
     by_law = {law.name: m for m in every for law in _laws(block_class(m), m)}
-    known = (
+    law_names = (
         by_law | {m: m for m in every} | {m.removeprefix("manager_"): m for m in every}
     )
     for name in names:
-        if name not in known and name != ALL:
-            close = nearest(name, known).partition("; there is ")[0]
+        if name not in law_names and name != ALL:
+            close = nearest(name, law_names).partition("; there is ")[0]
             laws = ", ".join(sorted(by_law))
             raise DesatError(f"{name}: no law and no manager{close}; there is {laws}")
-    return every if ALL in names else list(dict.fromkeys(known[name] for name in names))
+    return (
+        every
+        if ALL in names
+        else list(dict.fromkeys(law_names[name] for name in names))
+    )
 
 
 def _is_asked(
@@ -311,13 +319,13 @@ def _instead(need: Need, system: System, terms: Terms) -> str:
 
 def _table_of(system: System, manager: Component, terms: Terms) -> dict[str, Any]:
     """Return a system's parameters; `craft` has the terms of rules."""
-    known: dict[str, Any] = dict(system.parameters)
+    parameters: dict[str, Any] = dict(system.parameters)
     law = _law_of(manager) if manager.block is not None else None
     noise = noise_of(system)
 
     def with_rate(rate: float) -> dict[str, Any]:
         """Return the table for a law rate (1/s)."""
-        return known | {
+        return parameters | {
             "craft": {
                 "rate": Parameter(rate, "1/s"),
                 "field": Parameter(terms.field, "T"),
@@ -338,7 +346,7 @@ def _fit(
     own_manager: Component,
     manager: str,
     law: Law,
-    known: Mapping[str, Any],
+    parameters: Mapping[str, Any],
 ) -> Fitting:
     """Prepare a law of a manager with its gains.
 
@@ -349,18 +357,18 @@ def _fit(
         placed = replace(placed, sources=[*placed.sources, f"{ROLE}={manager}"])
         component = resolved(case.scenario, placed)[0].components[ROLE]
     values: dict[str, Any] = {}
-    shown: dict[str, str] = {}
-    for key, value, rule in _gains(component, own_manager, law, known):
+    gain_texts: dict[str, str] = {}
+    for key, value, rule in _gains(component, own_manager, law, parameters):
         values[f"{ROLE}.{key}"] = value
-        shown[key] = rule
+        gain_texts[key] = rule
     fitted = replace(placed, values={**placed.values, **values})
     fitted_case = prepare(case.scenario, fitted)
     fitted_case.or_raise()
-    return Fitting(law.name, manager, False, fitted_case, shown)
+    return Fitting(law.name, manager, False, fitted_case, gain_texts)
 
 
 def _gains(
-    component: Component, manager: Component, law: Law, known: Mapping[str, Any]
+    component: Component, manager: Component, law: Law, parameters: Mapping[str, Any]
 ) -> Iterator[tuple[str, Any, str]]:
     """Yield parameter, value and rule of all that a law takes from the craft."""
     signals = component.interface.signals
@@ -369,10 +377,10 @@ def _gains(
         if isinstance(rule, bool) or rule in elements[0].choices:
             yield key, rule, str(rule)
             continue
-        number, unit = product(str(rule), known)  # a plain number is its own value
+        number, unit = product(str(rule), parameters)  # a plain number is its own value
         number *= unit.factor
-        shown = law.units.get(key, elements[0].unit_name)
-        text = f"{rule} = {number:.4g} {shown}".removesuffix(" 1")
+        gain_unit = law.units.get(key, elements[0].unit_name)
+        text = f"{rule} = {number:.4g} {gain_unit}".removesuffix(" 1")
         yield key, number if key in signals else [number] * len(elements), text
     if component.model != manager.model:
         follows = {
@@ -382,12 +390,12 @@ def _gains(
         }
         for key, text in follows.items():
             try:
-                values = list(values_of(component, key, text, known).values())
+                values = list(values_of(component, key, text, parameters).values())
             except DesatError:
                 continue  # the craft does not have that parameter
             yield key, values[0] if key in signals else values, text
     if "sample_time" in signals and not component.values["sample_time"]:
-        coils = known.get("torquers", {}).get("sample_time")
+        coils = parameters.get("torquers", {}).get("sample_time")
         sample = float(coils.value) if coils is not None and coils.value else SAMPLE
         yield "sample_time", sample, f"{sample:g} s"
 

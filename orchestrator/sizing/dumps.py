@@ -532,8 +532,8 @@ def _rods_alone(
     needs = [
         (rod, law.name) for law, rod in zip(laws, rods, strict=True) if rod is not None
     ]
-    needed, name = min(needs, default=(None, ""))
-    return RodsAlone(hardware.m_limit, needed, name)
+    rod_needed, name = min(needs, default=(None, ""))
+    return RodsAlone(hardware.m_limit, rod_needed, name)
 
 
 def _a_year_of(
@@ -627,10 +627,10 @@ def _causes(system: System, law: ThresholdLaw, hardware: Hardware) -> Iterator[s
 def _numbers_of(run: Run) -> Iterator[tuple[str, float | None]]:
     """Yield the numbers LOOP of a run, each in its unit there."""
     for name, unit in LOOP.items():
-        if (found := run.manifest.numbers.get(name)) is None:
+        if (number := run.manifest.numbers.get(name)) is None:
             continue
-        to = factor(unit_of(found.unit), unit, f"of {name}")
-        yield name, None if found.value is None else found.value * to
+        to = factor(unit_of(number.unit), unit, f"of {name}")
+        yield name, None if number.value is None else number.value * to
 
 
 def _window(system: System, options: Options, steady: DumpRates) -> float:
@@ -726,13 +726,13 @@ def _perigees(block: Any, start: float, period: float, span: float) -> list[floa
         r, v = block.motion(start + t)
         return float(np.dot(r, v))
 
-    found: list[float] = []
+    times: list[float] = []
     t, step = -1.1 * period, period / 16.0
-    while not found or found[-1] < span:
+    while not times or times[-1] < span:
         if outward(t) < 0.0 <= outward(t + step):
-            found.append(float(brentq(outward, t, t + step)))
+            times.append(float(brentq(outward, t, t + step)))
         t += step
-    return [x for k, x in enumerate(found) if k + 1 == len(found) or found[k + 1] > 0.0]
+    return [x for k, x in enumerate(times) if k + 1 == len(times) or times[k + 1] > 0.0]
 
 
 def _flight(system: System, attitude: Attitude, since: float = 0.0) -> Flight:

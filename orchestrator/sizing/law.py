@@ -265,12 +265,12 @@ def _ask_one_by_one(law: Law, samples: Samples, momenta: Sequence[Vec3]) -> Arra
         if k in probed:
             _check_sample(law, t)
         before = dict(state)
-        found = []
+        torques = []
         for h in momenta[:-1]:
-            found.append(dump(t, t, h)[1][0])
+            torques.append(dump(t, t, h)[1][0])
             state.update(before)
         # the state that this sample leaves, as the field before, is that of the next
-        answers.append([*found, dump(t, t, momenta[-1])[1][0]])
+        answers.append([*torques, dump(t, t, momenta[-1])[1][0]])
     return np.array(answers)
 
 

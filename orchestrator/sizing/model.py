@@ -187,8 +187,8 @@ def fly(
         sums.add(begin, momenta - body[begin:end], dipoles, counts[begin:end])
     duty = sums.duty / (np.maximum(1, counts.sum(axis=0))[:, None] * most[:, :, 0])
     rms = np.sqrt(sums.squares / rows)
-    found = (rms, sums.largest, sums.wheel, duty, sums.peak)
-    return MomentumCourse(*(x.reshape(shape) for x in found))
+    columns = (rms, sums.largest, sums.wheel, duty, sums.peak)
+    return MomentumCourse(*(x.reshape(shape) for x in columns))
 
 
 class _Sums:

@@ -58,16 +58,16 @@ def shares_of(
     if not flight.sources:
         return (), None
     square = float(torque @ torque)
-    rows, known = [], np.zeros(3)
+    rows, explained_torque = [], np.zeros(3)
     for name, impulse in flight.sources.items():
         mean, cyclic = secular(flight, flight.source_times, impulse)
-        known += mean
+        explained_torque += mean
         size = float(np.linalg.norm(mean))
         along = float(mean @ torque) / square if square > 0.0 else 0.0
         rows.append(
             SourceShare(name, size, along, size * flight.period, cyclic_span(cyclic))
         )
-    return tuple(rows), float(np.linalg.norm(torque - known))
+    return tuple(rows), float(np.linalg.norm(torque - explained_torque))
 
 
 def smallest_wheel_capacity(hardware: Hardware) -> float:
@@ -89,7 +89,7 @@ def compute_wheel_needs(
     n = len(cyclic)
     inside = in_body_of(flight, cyclic - box_middle(cyclic))
     bent = flight.body[:n] - flight.body[:n].mean(axis=0)
-    needed = float(np.abs((inside - bent + bias) @ spread.T).max())
+    momentum_needed = float(np.abs((inside - bent + bias) @ spread.T).max())
     exists = hardware.capacity > 0.0
     capacity = hardware.capacity[exists]
     gained = flight.disturbance - flight.disturbance[0]
@@ -97,13 +97,13 @@ def compute_wheel_needs(
     full = (stored >= capacity).any(axis=1)
     since = flight.times - flight.times[0]
     if full.any():
-        return needed, float(since[np.argmax(full)])
+        return momentum_needed, float(since[np.argmax(full)])
     # Beyond the flight the momentum grows along the torque, in the attitudes
     # that the flight has shown.
     along = rotate(flight.q[:n], np.broadcast_to(torque, (n, 3)))
     rate = float(np.abs(along @ spread.T)[:, exists].max())
     remaining = float((capacity - stored.max(axis=0)).min())
-    return needed, inf if rate == 0.0 else float(since[-1]) + remaining / rate
+    return momentum_needed, inf if rate == 0.0 else float(since[-1]) + remaining / rate
 
 
 def compute_slew(

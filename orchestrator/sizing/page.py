@@ -46,7 +46,7 @@ def write_sizing(sizing: Sizing, path: Path) -> Path:
         If it cannot be written.
     """
     sources = tables.tabulate_sources(sizing.sources, sizing.unexplained)
-    shown = [
+    tables_shown = [
         sources,
         tables.tabulate_quantities(sizing),
         *([tables.tabulate_conditions(sizing)] if sizing.best else []),
@@ -58,7 +58,13 @@ def write_sizing(sizing: Sizing, path: Path) -> Path:
     )
     first = [tables.tabulate_margins(sizing)]
     return _write(
-        path, f"Size of {sizing.target}", sizing, first, shown, about, drawn_of(sizing)
+        path,
+        f"Size of {sizing.target}",
+        sizing,
+        first,
+        tables_shown,
+        about,
+        drawn_of(sizing),
     )
 
 
@@ -70,24 +76,28 @@ def write_dumps(sizing: DumpSizing, path: Path) -> Path:
     OSError
         If it cannot be written.
     """
-    drawn = []
+    figures = []
     if sizing.course is not None and len(sizing.course.dumps):
         caption = "Momentum of the wheels, dump after dump: the sized course"
-        drawn.append((caption, _dump_course(sizing)))
+        figures.append((caption, _dump_course(sizing)))
     if len(sizing.thresholds) > 1:
         caption = "Propellant a year over the momentum at which dumps begin"
-        drawn.append(
+        figures.append(
             (caption, _thresholds(sizing, "a_year", "propellant\n[kg a year]"))
         )
         caption = "Dumps a week over the momentum at which they begin"
-        drawn.append((caption, _thresholds(sizing, "a_week", "dumps a week")))
-    shown = [tables.tabulate_dump_sources(sizing.sources)]
+        figures.append((caption, _thresholds(sizing, "a_week", "dumps a week")))
+    tables_shown = [tables.tabulate_dump_sources(sizing.sources)]
     if sizing.year:
-        drawn.append(("A year: propellant, as if each day lasted", _dump_year(sizing)))
-        shown.append(tables.tabulate_dump_days(sizing))
+        figures.append(
+            ("A year: propellant, as if each day lasted", _dump_year(sizing))
+        )
+        tables_shown.append(tables.tabulate_dump_days(sizing))
     first = [tables.tabulate_dumps(sizing)]
     about = f"Attitude: {sizing.attitude}."
-    return _write(path, f"Dumps of {sizing.target}", sizing, first, shown, about, drawn)
+    return _write(
+        path, f"Dumps of {sizing.target}", sizing, first, tables_shown, about, figures
+    )
 
 
 def _write(
@@ -95,9 +105,9 @@ def _write(
     title: str,
     sizing: Sizing | DumpSizing,
     first: Sequence[Table],
-    shown: Sequence[Table],
+    tables_shown: Sequence[Table],
     about: str,
-    drawn: Sequence[tuple[str, Figure]],
+    figures: Sequence[tuple[str, Figure]],
 ) -> Path:
     """Write a page with the `first` tables above the figures."""
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -106,10 +116,10 @@ def _write(
         title=title,
         made=sizing,
         first=first,
-        tables=shown,
+        tables=tables_shown,
         about=about,
         versions=versions(),
-        **figures_of(drawn),
+        **figures_of(figures),
     )
     return write_page(path, text)
 
@@ -122,11 +132,11 @@ def write_map(sizing_map: SizingMap, path: Path) -> Path:
     OSError
         If it cannot be written.
     """
-    drawn = [
+    figures = [
         (tables.describe_map(sizing_map, law), heat_map(sizing_map, k))
         for k, law in enumerate(sizing_map.laws)
     ]
-    shown = [
+    tables_shown = [
         tables.tabulate_least_rods(sizing_map, d)
         for d in range(len(sizing_map.axes.dipoles))
     ]
@@ -134,9 +144,9 @@ def write_map(sizing_map: SizingMap, path: Path) -> Path:
     text = render(
         "sizing_map.html",
         made=sizing_map,
-        tables=shown,
+        tables=tables_shown,
         versions=versions(),
-        **figures_of(drawn),
+        **figures_of(figures),
     )
     return write_page(path, text)
 
@@ -194,11 +204,11 @@ def _curve(sizing: Sizing, key: str, loop: str, factor: float, label: str) -> Fi
             key=lambda r: r.rod,
         )
         colour = COLOURS[i % len(COLOURS)]
-        known = [r for r in rows if getattr(r, key) is not None]
-        if known:
+        rows_with_value = [r for r in rows if getattr(r, key) is not None]
+        if rows_with_value:
             ax.plot(
-                [r.rod for r in known],
-                [factor * getattr(r, key) for r in known],
+                [r.rod for r in rows_with_value],
+                [factor * getattr(r, key) for r in rows_with_value],
                 colour,
                 width=1.5,
                 label=law,

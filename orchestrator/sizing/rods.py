@@ -387,35 +387,35 @@ def find_rod_for_worst(
         """Fly the scenario with rods of a size (A m2)."""
         progress(f"{WORST} with rods of {size:.4g} A m2")
         settled = options
-        if known:  # the substeps of the first flight
-            first, _ = next(iter(known.values()))
+        if flights:  # the substeps of the first flight
+            first, _ = next(iter(flights.values()))
             settled = replace(options, substeps=first.substeps)
         run = _with_rods(source, settled, system, size, more=series_of_numbers)
         with run.results as results:
             try:
-                found = flight_of(system, results)
+                flight = flight_of(system, results)
             except DesatError:  # the run is shorter than an orbit
-                found = None
-        return run.manifest, found
+                flight = None
+        return run.manifest, flight
 
-    known: dict[float, tuple[Manifest, Flight | None]] = {}
+    flights: dict[float, tuple[Manifest, Flight | None]] = {}
     craft_rod, largest = (
         hardware.m_limit,
         max(LARGEST_MULTIPLE * (rod or 0.0), hardware.m_limit),
     )
     while rod is not None:
-        if rod not in known:
-            known[rod] = fly_with(rod)
-        manifest, found = known[rod]
+        if rod not in flights:
+            flights[rod] = fly_with(rod)
+        manifest, flight_flown = flights[rod]
         if not manifest.not_met:
             break
-        if len(known) == LOOP_TRIES:
+        if len(flights) == LOOP_TRIES:
             rod = None
         else:
-            rod = _find_larger(manifest, found, hardware, rod, law, largest)
+            rod = _find_larger(manifest, flight_flown, hardware, rod, law, largest)
     missed: list[str] = []
     if craft_rod > 0.0 and (rod is None or craft_rod < rod):
-        missed = (known.get(craft_rod) or fly_with(craft_rod))[0].not_met
+        missed = (flights.get(craft_rod) or fly_with(craft_rod))[0].not_met
     return rod, [
         f"{WORST} with its rods of {craft_rod:.4g} A m2: {line}" for line in missed
     ]

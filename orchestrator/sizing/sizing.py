@@ -137,7 +137,7 @@ def size(
             least,
             progress,
         )
-    needed, time_without = compute_wheel_needs(
+    momentum_needed, time_without = compute_wheel_needs(
         flight, hardware, torque, cyclic, _bias(system)
     )
     geometry = compute_geometry(flight, hardware, able, torque, least)
@@ -163,7 +163,7 @@ def size(
         sources=shares,
         unexplained=unexplained,
         year=year,
-        wheel_needed=needed,
+        wheel_needed=momentum_needed,
         slew_momentum=slew_momentum,
         slew_torque=slew_torque,
         wheel_capacity=smallest_wheel_capacity(hardware),

@@ -229,8 +229,8 @@ def tabulate_conditions(sizing: Sizing) -> Table:
     title = f"smallest rods (A m2), duty {100.0 * sizing.duty:g} %, margin {margin:g}"
     columns = [Column(title, kind="text"), *(Column(law, form=".3g") for law in laws)]
     rows = [
-        (found.condition, *(_smallest_rod(found.rods, law) for law in laws))
-        for found in sizing.conditions
+        (condition.condition, *(_smallest_rod(condition.rods, law) for law in laws))
+        for condition in sizing.conditions
     ]
     return Table("Smallest rods", columns, rows)
 
@@ -298,8 +298,8 @@ def tabulate_dumps(sizing: DumpSizing) -> Table:
         ),
     ]
     if sizing.rods is not None:
-        needed = sizing.rods.needed
-        text = "none do" if needed is None else share(needed, sizing.rods.has)
+        rod_needed = sizing.rods.needed
+        text = "none do" if rod_needed is None else share(rod_needed, sizing.rods.has)
         rows.append(("rods needed without thrusters", text, None, "A.m2"))
     if sizing.slew_momentum > 0.0:
         momentum = share(sizing.slew_momentum, sizing.capacity)

@@ -263,7 +263,7 @@ def difference_text(comparison: Comparison) -> str:
 
 def _causes(first: Manifest, second: Manifest) -> list[str]:
     """Return what differs in the inputs of two runs, a text each."""
-    found = [
+    causes = [
         f"{name} ({a} and {b})"
         for name, a, b in (
             ("algorithm", first.algorithm, second.algorithm),
@@ -280,15 +280,15 @@ def _causes(first: Manifest, second: Manifest) -> list[str]:
     for name in dict.fromkeys([*sources[0], *sources[1]]):
         a, b = (of.get(name, "absent") for of in sources)
         if a != b:
-            found.append(f"{name} ({a} and {b})")
+            causes.append(f"{name} ({a} and {b})")
     for name, table in first.parameters.items():
         others = second.parameters.get(name, {})
         for key, parameter in table.items():
             if key in others and others[key].value != parameter.value:
                 a, b = (_value_text(x.value) for x in (parameter, others[key]))
                 unit = "" if parameter.unit == "1" else f" {spell_unit(parameter.unit)}"
-                found.append(f"{name}.{key} ({a} and {b}{unit})")
-    return found
+                causes.append(f"{name}.{key} ({a} and {b}{unit})")
+    return causes
 
 
 def _value_text(value: Any) -> str:
@@ -309,10 +309,14 @@ def _effect(row: ComparedNumber) -> str:
 
 def _listed(texts: Sequence[str]) -> str:
     """Join the first `MENTIONED` texts, and count the others."""
-    shown = list(texts[:MENTIONED])
-    if more := len(texts) - len(shown):
-        shown.append(f"{more} more")
-    return ", ".join(shown[:-1]) + " and " + shown[-1] if len(shown) > 1 else shown[0]
+    texts_shown = list(texts[:MENTIONED])
+    if more := len(texts) - len(texts_shown):
+        texts_shown.append(f"{more} more")
+    return (
+        ", ".join(texts_shown[:-1]) + " and " + texts_shown[-1]
+        if len(texts_shown) > 1
+        else texts_shown[0]
+    )
 
 
 def rows_of(runs: Sequence[Run]) -> dict[str, ComparedNumber]:
@@ -357,10 +361,14 @@ def _scale(unit: str, other: str) -> float | None:
     first, second = known_unit(unit), known_unit(other)
     if first is None or second is None or first.rad != second.rad:
         return None
-    found = conversion(first, second)
-    if found is None or found[1] != 0.0 or not any((*first.dimension, first.rad)):
+    factor_and_offset = conversion(first, second)
+    if (
+        factor_and_offset is None
+        or factor_and_offset[1] != 0.0
+        or not any((*first.dimension, first.rad))
+    ):
         return None
-    return found[0]
+    return factor_and_offset[0]
 
 
 def write(comparison: Comparison, path: Path, **more: Any) -> Path:
@@ -373,7 +381,9 @@ def write(comparison: Comparison, path: Path, **more: Any) -> Path:
         for t, run in zip(comparison.names, comparison.runs, strict=True)
     ]
     plots = comparison.runs[0].manifest.content.plots.values()
-    drawn = [(p.title, figure) for p in plots if (figure := series_figure(p, overlaid))]
+    figures = [
+        (p.title, figure) for p in plots if (figure := series_figure(p, overlaid))
+    ]
     path.parent.mkdir(parents=True, exist_ok=True)
     pairs = list(zip(comparison.names, comparison.runs, strict=True))
     return write_page(
@@ -382,7 +392,7 @@ def write(comparison: Comparison, path: Path, **more: Any) -> Path:
             "compare.html",
             made=comparison,
             pairs=pairs,
-            **figures_of(drawn),
+            **figures_of(figures),
             difference=difference_text(comparison),
             **{"choice": None, "pareto": (), **more},
         ),

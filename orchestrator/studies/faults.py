@@ -407,13 +407,17 @@ def _flights(
     for fault in (Fault(NOMINAL, "none", {}), *faults):
         of_fault: list[FaultFlight] = []
         for k, contender in enumerate(contenders):
-            found = _with_fault(fault, contender, folder / f"{fault.name}{k}")
-            if isinstance(found, str):
-                without[fault.title] = found
+            contender_with_fault = _with_fault(
+                fault, contender, folder / f"{fault.name}{k}"
+            )
+            if isinstance(contender_with_fault, str):
+                without[fault.title] = contender_with_fault
                 break
-            drawn = content_of(draft_to_draw(contender.source, options.blocks).about)
+            content = content_of(draft_to_draw(contender.source, options.blocks).about)
             of_fault.append(
-                FaultFlight(fault, contender, *found, bool(drawn.dispersions))
+                FaultFlight(
+                    fault, contender, *contender_with_fault, bool(content.dispersions)
+                )
             )
         else:
             flights += of_fault
@@ -496,7 +500,7 @@ def _tuned(
     if not parameter:
         return contender
     try:
-        found = tune.tune(
+        tuned_value = tune.tune(
             contender.source.target,
             parameter,
             measured,
@@ -506,10 +510,10 @@ def _tuned(
         )
     except tune.NoValueError:
         return replace(contender, label=f"{contender.label}, {parameter} as it is")
-    values = {**contender.options.values, parameter: found.best}
+    values = {**contender.options.values, parameter: tuned_value.best}
     return replace(
         contender,
-        label=f"{contender.label}, {parameter} = {number(found.best)}",
+        label=f"{contender.label}, {parameter} = {number(tuned_value.best)}",
         options=replace(contender.options, values=values),
     )
 
@@ -563,8 +567,8 @@ def _contenders(
         if not laws:
             yield Contender(target, source, options)
     if laws:
-        _, found, _ = laws_of(source, options, laws)
-        for law in found:
+        _, laws_fitting, _ = laws_of(source, options, laws)
+        for law in laws_fitting:
             yield Contender(law.name, source, law.options)
 
 

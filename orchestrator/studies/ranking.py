@@ -244,28 +244,28 @@ class Ranking:
 
         Raises OSError where it cannot be written.
         """
-        pareto = [(caption, Markup(drawn.svg())) for caption, drawn in self.figures()]
+        pareto = [(caption, Markup(figure.svg())) for caption, figure in self.figures()]
         return write(self.comparison, path, choice=self, pareto=pareto)
 
     def _pareto(self, k: int) -> Figure:
         """Draw each law as a point, and the front across the whole picture."""
         fig, ax = figure()
         points = [(e.values[k], e.values[0]) for e in self.ranked]
-        known = [
+        rows_measured = [
             (x, y, e.name, i)
             for i, (e, (x, y)) in enumerate(zip(self.ranked, points, strict=True))
             if np.isfinite(x) and np.isfinite(y)
         ]
         best: list[tuple[float, float]] = []
-        for x, y, *_ in sorted(known):
+        for x, y, *_ in sorted(rows_measured):
             if not best or y < best[-1][1]:
                 best += [(x, best[-1][1])] if best else []
                 best.append((x, y))
-        if known:
+        if rows_measured:
             best = [
-                (best[0][0], max(y for _, y, *_ in known)),
+                (best[0][0], max(y for _, y, *_ in rows_measured)),
                 *best,
-                (max(x for x, *_ in known), best[-1][1]),
+                (max(x for x, *_ in rows_measured), best[-1][1]),
             ]
         ax.plot(
             [x for x, _ in best],
@@ -274,7 +274,7 @@ class Ranking:
             width=1.0,
             dash=DASHED,
         )
-        for x, y, name, i in known:
+        for x, y, name, i in rows_measured:
             ax.plot(
                 [x], [y], COLOURS[i % len(COLOURS)], width=0.0, marker=8.0, label=name
             )
@@ -302,10 +302,10 @@ def choose(
         If the craft cannot fly with its own law, or a criterion is not known for it.
     """
     source = read(target)
-    first, found, refused = laws_of(source, options, laws, others, progress)
-    compared, runs, warnings = [found[0]], [first], [*first.manifest.warnings]
-    for k, law in enumerate(found[1:], 2):
-        progress(f"{k} of {len(found)}: {law.name}")
+    first, laws_fitting, refused = laws_of(source, options, laws, others, progress)
+    compared, runs, warnings = [laws_fitting[0]], [first], [*first.manifest.warnings]
+    for k, law in enumerate(laws_fitting[1:], 2):
+        progress(f"{k} of {len(laws_fitting)}: {law.name}")
         try:
             run = _fly(law.case, _choice_for_others(first))
             run.or_raise(law.name)
@@ -334,8 +334,8 @@ def choose(
             raise DesatError(
                 f"{target}: --by {name}: the {CRITERIA[name].title} is not available for it"
             )
-    known = {n: x for n, x in columns.items() if not np.isnan(x).all()}
-    rows = list(zip(*known.values(), strict=True))
+    columns_measured = {n: x for n, x in columns.items() if not np.isnan(x).all()}
+    rows = list(zip(*columns_measured.values(), strict=True))
     entries = [
         RankedLaw(
             law,
@@ -352,7 +352,7 @@ def choose(
     of_laws = [law.name for law in compared]
     return Ranking(
         target,
-        tuple(CRITERIA[name] for name in known),
+        tuple(CRITERIA[name] for name in columns_measured),
         tuple(ranked),
         tuple(refused),
         of_runs(of_laws, runs, warnings),
@@ -440,10 +440,10 @@ class _Measured:
         except DesatError as error:
             self.notes.append(f"no least torquer: {error}")
             return [np.nan] * len(self._laws)
-        found = dict(zip(models, rods, strict=True))
+        rods_of_models = dict(zip(models, rods, strict=True))
         for law in without:
             self._progress(f"{law.name} on the worst day, rods by bisection")
-            found[law.name] = find_rod_by_flights(
+            rods_of_models[law.name] = find_rod_by_flights(
                 self._source, law.options, hardest, requirements
             )
         names_without = [law.name for law in without]
@@ -456,7 +456,7 @@ class _Measured:
                 f"least torquer of {', '.join(names_without)}: by flights of that day, to "
                 f"{100.0 * (CLOSE - 1.0):.0f} %"
             )
-        return [_or_infinite(found[law.name]) for law in self._laws]
+        return [_or_infinite(rods_of_models[law.name]) for law in self._laws]
 
 
 def _but(names: Sequence[str]) -> str:
@@ -556,13 +556,13 @@ def options_of_laws(
         manager = system.roles.get(ROLE)
         return {law_name(manager) if manager else system.name: options}
     files = [name for name in names if Path(name).suffix in (".py", ".fmu")]
-    _, found, refused = laws_of(
+    _, laws_fitting, refused = laws_of(
         source, options, [x for x in names if x not in files], files
     )
     for law in refused:
         if ALL not in names:
             raise DesatError(f"--law {law.name}: {law.why}")
-    return {law.name: _following(law) for law in found}
+    return {law.name: _following(law) for law in laws_fitting}
 
 
 def _following(law: Fitting) -> Options:
@@ -633,5 +633,7 @@ def _of_the_other(warning: str) -> bool:
 
 def _idle(run: Run) -> bool:
     """Return whether neither coils nor thrusters received a command."""
-    known = set(run.results.names())
-    return not any(run.results.values(s).any() for s in (DIPOLE, TORQUE) if s in known)
+    series_names = set(run.results.names())
+    return not any(
+        run.results.values(s).any() for s in (DIPOLE, TORQUE) if s in series_names
+    )

@@ -236,7 +236,7 @@ def rank_samples(
         raise DesatError(
             f"{target}: it has no [dispersions], so there is nothing to sample"
         )
-    first, found, refused = laws_of(source, options, laws, others, tell)
+    first, laws_fitting, refused = laws_of(source, options, laws, others, tell)
     system, _ = prepare(source, options).or_raise()
     measured = measured_run(first.manifest, first.results)
     of_flights = tuple(
@@ -253,15 +253,15 @@ def rank_samples(
     ]
     names = tuple(dict.fromkeys(("peak", *of_flights)))
     flights = _fly_all(
-        target, found, count, seed, jobs, progress is not None, (names, {})
+        target, laws_fitting, count, seed, jobs, progress is not None, (names, {})
     )
     start = half_full(system)
-    emptied: list[list[RunRow]] = [[] for _ in found]
+    emptied: list[list[RunRow]] = [[] for _ in laws_fitting]
     if EMPTYING in [c.name for c in chosen] and start is not None:
         notes.append(f"empty: every wheel below {number(EMPTY)} % of its capacity")
         emptied = _fly_all(
             target,
-            found,
+            laws_fitting,
             count,
             seed,
             jobs,
@@ -276,7 +276,7 @@ def rank_samples(
     by = tuple(c for c in chosen if c.name in of_flights)
     ranked = [
         _of_samples(law, by, rows, more)
-        for law, rows, more in zip(found, flights, emptied, strict=True)
+        for law, rows, more in zip(laws_fitting, flights, emptied, strict=True)
     ]
     ranked.sort(key=lambda e: (e.failed, [e.median(c.name) for c in by]))
     return SampledRanking(
@@ -319,10 +319,12 @@ def _of_samples(
     """Summarise the samples of a law."""
     numbers = [dict(row.numbers) for row in rows if row.completed]
     units = {c.name: c.unit for c in by if c.name != EMPTYING}
-    found = spreads(numbers, units, ())
+    spreads_of_numbers = spreads(numbers, units, ())
     if emptied:
         times = [dict(row.numbers) if row.completed else {} for row in emptied]
-        found |= spreads(times, {EMPTYING: CRITERIA[EMPTYING].unit}, (EMPTYING,))
+        spreads_of_numbers |= spreads(
+            times, {EMPTYING: CRITERIA[EMPTYING].unit}, (EMPTYING,)
+        )
     reasons = [
         reason
         for row in rows
@@ -330,7 +332,10 @@ def _of_samples(
     ]
     failed = sum(not row.completed or bool(row.unmet) for row in rows)
     return SampledLaw(
-        law, found, failed, tuple(dict.fromkeys(x.partition(":")[0] for x in reasons))
+        law,
+        spreads_of_numbers,
+        failed,
+        tuple(dict.fromkeys(x.partition(":")[0] for x in reasons)),
     )
 
 

@@ -301,9 +301,12 @@ class _Search:
         """Minimise the cost between the neighbours of the best value so far."""
         from scipy.optimize import minimize_scalar  # slow import
 
-        known = sorted(self.points)
-        k = known.index(min(known, key=self.cost))
-        neighbours = known[max(k - 1, 0)], known[min(k + 1, len(known) - 1)]
+        values_tried = sorted(self.points)
+        k = values_tried.index(min(values_tried, key=self.cost))
+        neighbours = (
+            values_tried[max(k - 1, 0)],
+            values_tried[min(k + 1, len(values_tried) - 1)],
+        )
         low, high = (self._place(x) for x in self._limits)
         minimize_scalar(
             self._cost_at,
@@ -364,13 +367,13 @@ def _parameter(
     owner, _, variable = name.partition(".")
     require(owner, system.components, f"{name}: no component")
     component = system.components[owner]
-    known = names(component.interface, "parameter")
+    parameter_names = names(component.interface, "parameter")
     signal = component.interface.signals.get(variable)
     if signal is None or signal.causality != "parameter":
         problem = (
             "an array"
-            if variable in known
-            else f"no parameter{nearest(variable, known)}"
+            if variable in parameter_names
+            else f"no parameter{nearest(variable, parameter_names)}"
         )
         raise DesatError(
             f"{name}: {problem}: exactly one numeric parameter of a component can be tuned"
@@ -379,8 +382,8 @@ def _parameter(
         raise DesatError(
             f"{name}: it is no Real: {', '.join(signal.choices) or signal.kind}"
         )
-    if drawn := overridden_by(draft_to_draw(source, options.blocks), name):
-        raise DesatError(f"{name}: {drawn[0]} is sampled, and so cannot be tuned")
+    if dispersed := overridden_by(draft_to_draw(source, options.blocks), name):
+        raise DesatError(f"{name}: {dispersed[0]} is sampled, and so cannot be tuned")
     unit = None
     if (model := component.model) in registry.names():
         chosen = {
@@ -396,21 +399,25 @@ def _number(content: Content, system: Any, number: str, target: str) -> None:
     """Raise DesatError for a number that the runs will not have."""
     if _is_criterion(content, number):
         return
-    known = {*content.numbers}
+    number_names = {*content.numbers}
     for analysis in analyses():
         if analysis.applies(system):
-            known.update(analysis.NUMBERS)
-    if number not in known:
+            number_names.update(analysis.NUMBERS)
+    if number not in number_names:
         raise DesatError(
-            f"--for {number}: {target} has no such number{nearest(number, known)}; "
-            f"there is {', '.join(sorted(known))}"
+            f"--for {number}: {target} has no such number{nearest(number, number_names)}; "
+            f"there is {', '.join(sorted(number_names))}"
         )
 
 
 def _is_criterion(content: Content, number: str) -> bool:
     """Return whether a number is not the scenario's but a criterion of laws."""
-    known = CRITERIA.get(number)
-    return number not in content.numbers and known is not None and known.of is not None
+    criterion = CRITERIA.get(number)
+    return (
+        number not in content.numbers
+        and criterion is not None
+        and criterion.of is not None
+    )
 
 
 def _range(

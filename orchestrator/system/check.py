@@ -148,11 +148,11 @@ def values_of_another_craft(system: System) -> Iterator[str]:
     gives a product of parameters, if it gives neither side, or for values of no
     particular craft: 0 (off), and a multiple of the identity matrix.
     """
-    known = dict(system.parameters)
-    known |= {
-        c.interface.role: known[c.name]
+    parameters = dict(system.parameters)
+    parameters |= {
+        c.interface.role: parameters[c.name]
         for c in system.components.values()
-        if c.name in known and c.interface.role not in known
+        if c.name in parameters and c.interface.role not in parameters
     }
     for c in system.components.values():
         for name, text in {
@@ -161,13 +161,15 @@ def values_of_another_craft(system: System) -> Iterator[str]:
             if name in c.references:
                 continue
             try:
-                usual = [float(x) for x in values_of(c, name, text, known).values()]
+                usual = [
+                    float(x) for x in values_of(c, name, text, parameters).values()
+                ]
             except DesatError:  # the craft has no such value, or several that differ
                 continue
             signals = c.interface.elements.get(name, ())
             values = [float(str(c.values[s.name])) for s in signals]
             ends = [
-                known[owner][p]
+                parameters[owner][p]
                 for owner, _, p in (n.partition(".") for n in names_in(text))
             ]
             is_given = any(s.name in c.parameters for s in signals) or any(

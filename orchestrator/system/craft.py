@@ -109,7 +109,7 @@ class Craft:
 
 def craft_of(system: System) -> Craft:
     """Return the parts of the spacecraft of a system, found once for each system."""
-    found: Craft | None = vars(system).get("craft")
-    if found is None:
-        found = vars(system)["craft"] = Craft(system)
-    return found
+    craft: Craft | None = vars(system).get("craft")
+    if craft is None:
+        craft = vars(system)["craft"] = Craft(system)
+    return craft

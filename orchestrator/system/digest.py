@@ -165,17 +165,17 @@ def _of_interface(x: Interface) -> str:
 
     An interface has hundreds of variables, and components share it.
     """
-    known = vars(x)
-    if "_digest" not in known:
+    fields_of = vars(x)
+    if "_digest" not in fields_of:
         values = (
             [_as_json(v) for v in values_of(x)]
             if (values_of := _fields_of(Interface))
             else []
         )
-        known["_digest"] = hashlib.sha256(
+        fields_of["_digest"] = hashlib.sha256(
             json.dumps(values, sort_keys=True).encode()
         ).hexdigest()
-    return str(known["_digest"])
+    return str(fields_of["_digest"])
 
 
 _PLAIN = frozenset((float, str, int, bool, type(None)))

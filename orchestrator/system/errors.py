@@ -85,25 +85,25 @@ def plain(text: str) -> str:
     )
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
+def nearest(name: str, names: Iterable[str]) -> str:
     """Suggest the closest known name: `; did you mean X?`.
 
     If none is close, the known names are listed.
     """
-    known = sorted(known)
-    if len(known) > MANY or len(name) > LONG:
+    names = sorted(names)
+    if len(names) > MANY or len(name) > LONG:
         return ""
-    if close := _closest(name, known):
+    if close := _closest(name, names):
         return close
-    if len(known) > 12:
-        known = [*known[:12], "…"]
-    return f"; there is {', '.join(known)}" if known else ""
+    if len(names) > 12:
+        names = [*names[:12], "…"]
+    return f"; there is {', '.join(names)}" if names else ""
 
 
-def _closest(name: str, known: Sequence[str]) -> str:
+def _closest(name: str, names: Sequence[str]) -> str:
     """Return `; did you mean X?` with the closest of the known names; "": none is."""
-    begun = [x for x in known if len(name) > 2 and x.startswith(name)]
-    close = begun[:1] or difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    begun = [x for x in names if len(name) > 2 and x.startswith(name)]
+    close = begun[:1] or difflib.get_close_matches(name, names, n=1, cutoff=0.6)
     return f"; did you mean {close[0]}?" if close else ""
 
 
@@ -116,7 +116,7 @@ def choices(name: str, known: Iterable[str], otherwise: str = "") -> str:
     return f"{_closest(name, names)}; there is {', '.join(names)}{otherwise}"
 
 
-def require(name: str, known: Collection[str], subject: str) -> None:
+def require(name: str, names: Collection[str], subject: str) -> None:
     """Check that a name is known.
 
     Raises
@@ -125,11 +125,11 @@ def require(name: str, known: Collection[str], subject: str) -> None:
         If it is not: `subject` introduces the name, as in "no component", and the nearest
         name follows.
     """
-    if name not in known:
-        raise DesatError(f"{subject} {name}{nearest(name, known)}")
+    if name not in names:
+        raise DesatError(f"{subject} {name}{nearest(name, names)}")
 
 
-def look_up(name: str, known: Mapping[str, T], subject: str) -> T:
+def look_up(name: str, entries: Mapping[str, T], subject: str) -> T:
     """Return the entry of a name.
 
     Raises
@@ -137,5 +137,5 @@ def look_up(name: str, known: Mapping[str, T], subject: str) -> T:
     DesatError
         If the name is unknown, as `require`.
     """
-    require(name, known, subject)
-    return known[name]
+    require(name, entries, subject)
+    return entries[name]

@@ -67,7 +67,7 @@ def parsed(text: str) -> list[tuple[str, str]]:
     return list(zip(["*", *operators], factors, strict=True))
 
 
-def product(text: str, known: Table) -> tuple[float, Unit]:
+def product(text: str, parameters: Table) -> tuple[float, Unit]:
     """Compute the value of a text and its unit.
 
     Raises
@@ -82,7 +82,7 @@ def product(text: str, known: Table) -> tuple[float, Unit]:
             number = float(name)
         except ValueError:
             try:
-                number, own_unit = _scalar(name, known)
+                number, own_unit = _scalar(name, parameters)
             except DesatError as error:
                 raise DesatError(f'"{text}": {error}') from error
         if operator == "/":
@@ -192,19 +192,19 @@ def evaluate(
             chain = ", ".join(f'{c}.{n} = "{text}"' for (c, n), text in waiting.items())
             circle = f"{place}: parameters name each other in a circle: {chain}"
             return result, [*problems, circle], warnings
-        known = table(result.values())
+        parameters = table(result.values())
         for owner, name in ready:
             text, component = waiting.pop((owner, name)), result[owner]
             by = component.origins.get(base_name(name), place)
             try:
-                if bare := unitless_in(text, known):
+                if bare := unitless_in(text, parameters):
                     warnings.append(
                         f'{by}: {owner}.{name}: "{text}": {bare} has no unit: its value '
                         "is taken as it is"
                     )
                 values = {
                     **component.parameters,
-                    **values_of(component, name, text, known),
+                    **values_of(component, name, text, parameters),
                 }
                 result[owner] = replace(component, parameters=values)
             except DesatError as error:
@@ -219,11 +219,11 @@ def names_in(text: str) -> set[str]:
     }
 
 
-def unitless_in(text: str, known: Table) -> str:
+def unitless_in(text: str, parameters: Table) -> str:
     """Return the first parameter of a product that is a Real without a unit, or ""."""
     for name in sorted(names_in(text)):
         if is_name(name):
-            value, unit, *_ = entry(name, known)
+            value, unit, *_ = entry(name, parameters)
             first = value[0] if isinstance(value, list) and value else value
             if isinstance(first, float) and not unit:
                 return name
@@ -231,7 +231,7 @@ def unitless_in(text: str, known: Table) -> str:
 
 
 def values_of(
-    component: Component, name: str, text: str, known: Table
+    component: Component, name: str, text: str, parameters: Table
 ) -> dict[str, Scalar]:
     """Compute the scalars that a text gives to a parameter.
 
@@ -243,12 +243,12 @@ def values_of(
     signals = component.interface.elements.get(name, ())
     value: Any
     if is_name(text):
-        value, unit = entry(text, known)[0], unit_of(entry(text, known)[1])
+        value, unit = entry(text, parameters)[0], unit_of(entry(text, parameters)[1])
     else:
-        value, unit = product(text, known)
+        value, unit = product(text, parameters)
     if isinstance(value, (str, bool)):
         raise DesatError(f'"{text}" = {value} is no number')
-    scale = 1.0 if unitless_in(text, known) else scale_of(signals[0], unit, text)
+    scale = 1.0 if unitless_in(text, parameters) else scale_of(signals[0], unit, text)
     values = value if isinstance(value, list) else [value] * len(signals)
     return expand(
         component.interface, name, [scale * x for x in values], component.name

@@ -119,7 +119,7 @@ class Interface:
             arrays.setdefault(s.array, []).append(s)
             sides.setdefault(s.causality, []).append(s)
         complete = {name: tuple(of) for name, of in arrays.items()}
-        found: dict[str, Any] = {
+        tables: dict[str, Any] = {
             "arrays": complete,
             "elements": complete | {s.name: (s,) for s in self.signals.values()},
             **{
@@ -131,7 +131,7 @@ class Interface:
             ),
             "slopes": frozenset(s.slope for s in self.signals.values() if s.slope),
         }
-        for name, value in found.items():
+        for name, value in tables.items():
             object.__setattr__(self, name, value)
 
     def of(self, causality: str) -> Iterator[Signal]:
@@ -171,8 +171,8 @@ def _in_order(elements: list[tuple[int, Signal]]) -> bool:
     first, signal = elements[0]
     if [s.name for _, s in elements] == [signal.array]:
         return True
-    found = [_ELEMENT.fullmatch(s.name) for _, s in elements]
-    indices = [tuple(map(int, m[2].split(","))) if m else () for m in found]
+    matches = [_ELEMENT.fullmatch(s.name) for _, s in elements]
+    indices = [tuple(map(int, m[2].split(","))) if m else () for m in matches]
     every_index = list(product(*(range(1, n + 1) for n in indices[-1])))
     return indices == every_index and all(
         place == first + k
@@ -194,8 +194,8 @@ def base_name(name: str) -> str:
     Only an index at the end is one of an array of scalars: `a[1].b` is a name as a
     whole.
     """
-    found = _ELEMENT.fullmatch(name) if name.endswith("]") else None
-    return found[1] if found else name
+    match = _ELEMENT.fullmatch(name) if name.endswith("]") else None
+    return match[1] if match else name
 
 
 @cache
@@ -340,9 +340,9 @@ def find_elements(
     if not is_right or (
         elements[0].causality == "output" and elements[0].series != variable
     ):
-        known = {s.series for c in causalities for s in interface.of(c)}
+        series_names = {s.series for c in causalities for s in interface.of(c)}
         raise DesatError(
-            f"{owner} has no {causalities[0]} {variable}{nearest(variable, known)}"
+            f"{owner} has no {causalities[0]} {variable}{nearest(variable, series_names)}"
         )
     return elements
 

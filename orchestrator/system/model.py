@@ -144,13 +144,13 @@ class Component:
         found by its name, as the list of its elements, and each element by its own
         name.
         """
-        found: dict[str, Any] = {}
+        table_of_values: dict[str, Any] = {}
         for name, signals in self.interface.arrays.items():
             values = [self.parameters.get(s.name, s.start) for s in signals]
-            found.update(zip([s.name for s in signals], values, strict=True))
-            if name not in found:
-                found[name] = values
-        return found
+            table_of_values.update(zip([s.name for s in signals], values, strict=True))
+            if name not in table_of_values:
+                table_of_values[name] = values
+        return table_of_values
 
     @property
     def model(self) -> str:

@@ -177,8 +177,10 @@ def expand(
     signal = interface.signals.get(name)
     signals = interface.elements.get(name, ()) if signal is None else [signal]
     if not signals:
-        known = {s.array for s in interface.signals.values() if s.settable}
-        raise DesatError(f"{place} has no variable {name}{nearest(name, known)}")
+        variable_names = {s.array for s in interface.signals.values() if s.settable}
+        raise DesatError(
+            f"{place} has no variable {name}{nearest(name, variable_names)}"
+        )
     if not signals[0].settable:
         reason = "" if interface.role else ", whose start value the FMU computes"
         kind = signals[0].causality
@@ -220,8 +222,12 @@ def _check_rows(value: Any, last: str, place: str) -> None:
             f"{place} has no rows: a list of {math.prod(sizes)} values is needed"
         )
     if lengths != {row}:
-        found = " and ".join(str(n) if n else "single values" for n in sorted(lengths))
-        raise DesatError(f"{place} has rows of {row} values, got rows of {found}")
+        lengths_text = " and ".join(
+            str(n) if n else "single values" for n in sorted(lengths)
+        )
+        raise DesatError(
+            f"{place} has rows of {row} values, got rows of {lengths_text}"
+        )
 
 
 def _typed_choice(choices: Sequence[str], value: int) -> int | str:

@@ -83,5 +83,7 @@ def _by_labels(name: str, labels: list[Any], values: list[Any]) -> list[Any]:
     allowed = f"0 to {n - 1}, or 1 to {n}"
     if n in LETTERS:
         allowed = f"{', '.join(LETTERS[n])}, or {allowed}"
-    shown = ", ".join(map(str, labels[:6]))
-    raise DesatError(f"sets: {name}: a Series labelled {shown}: allowed is {allowed}")
+    labels_text = ", ".join(map(str, labels[:6]))
+    raise DesatError(
+        f"sets: {name}: a Series labelled {labels_text}: allowed is {allowed}"
+    )

@@ -74,9 +74,11 @@ class Quantity:
         """Parse a number with or without a unit, and convert it to `unit`."""
         match = _NUMBER.fullmatch(text)
         if match is None:
-            needed = "numbers are needed, as 1,2,3" if many else "a number is needed"
+            form_needed = (
+                "numbers are needed, as 1,2,3" if many else "a number is needed"
+            )
             unit = f", with its unit or in {self.unit}" if self.unit != "1" else ""
-            raise DesatError(f"{self.option} {typed}: {needed}{unit}")
+            raise DesatError(f"{self.option} {typed}: {form_needed}{unit}")
         if match[2]:
             return self._converted(float(match[1]), match[2], typed)
         if not self.bare and self.unit != "1":
@@ -96,9 +98,11 @@ class Quantity:
         if meant is not None and conversion(unit_of(meant), target) is not None:
             unit = meant
         if known_unit(unit) is None:
-            needed = "no unit" if self.unit == "1" else f"one that fits {self.unit}"
+            unit_needed = (
+                "no unit" if self.unit == "1" else f"one that fits {self.unit}"
+            )
             raise DesatError(
-                f"{self.option} {text}: unit {unit} is not known; {needed} is needed"
+                f"{self.option} {text}: unit {unit} is not known; {unit_needed} is needed"
             )
         converted = conversion(unit_of(unit), target)
         if converted is None:
@@ -128,9 +132,9 @@ class Quantity:
             range_ = (
                 f"above {self.least:g}" if self.above else f"{self.least:g} or more"
             )
-        needed = " ".join(filter(None, (self.noun, range_)))
-        if not finite or not needed:
-            needed = " ".join(filter(None, ("a finite number", range_)))
+        words = " ".join(filter(None, (self.noun, range_)))
+        if not finite or not words:
+            words = " ".join(filter(None, ("a finite number", range_)))
         verb = "are" if self.noun.endswith("s") else "is"
         most = f", {self.most:g}{unit} at most" if self.most < inf else ""
-        return f"{needed} {verb} needed{most}"
+        return f"{words} {verb} needed{most}"

@@ -66,11 +66,11 @@ def _sources(
 
     Variables without a source, which have their default, are returned separately.
     """
-    known = {base_name(n) for n in component.interface.signals}
+    variable_names = {base_name(n) for n in component.interface.signals}
     named = [
         m[1]
         for m in _NAME.finditer(text)
-        if m[1] in known and (m[2] or m[3] or "_" in m[1] or m.start() == 0)
+        if m[1] in variable_names and (m[2] or m[3] or "_" in m[1] or m.start() == 0)
     ]
     named = list(dict.fromkeys(named))
     sources = [(n, component.origins[n]) for n in named if n in component.origins]

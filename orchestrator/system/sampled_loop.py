@@ -163,10 +163,10 @@ def worst_momentum(
     """
     signs = [(1.0, *rest) for rest in product((1.0, -1.0), repeat=len(each) - 1)]
     sums = [axes @ (each * np.array(sign)) for sign in signs] if len(each) else []
-    found = [(h, stability(loop, h)) for h in sums]
-    if not found:
+    stabilities = [(h, stability(loop, h)) for h in sums]
+    if not stabilities:
         return np.zeros(3), stability(loop, np.zeros(3))
-    return min(found, key=lambda pair: pair[1].damping)
+    return min(stabilities, key=lambda pair: pair[1].damping)
 
 
 def longest_sample(

@@ -286,19 +286,21 @@ def _loops_at_start(
 
 def _loops(waiting: Mapping[str, set[str]]) -> tuple[tuple[str, ...], ...]:
     """Return the components of each cycle; cycles with a common one are one."""
-    known = {name: needs & waiting.keys() for name, needs in waiting.items()}
+    needs_of = {name: needs & waiting.keys() for name, needs in waiting.items()}
     in_loops = {
         tuple(
             sorted(
                 other
-                for other in known
-                if _reaches(known, name, other) and _reaches(known, other, name)
+                for other in needs_of
+                if _reaches(needs_of, name, other) and _reaches(needs_of, other, name)
             )
         )
-        for name in known
+        for name in needs_of
     }
     return tuple(
-        sorted(loop for loop in in_loops if len(loop) > 1 or loop[0] in known[loop[0]])
+        sorted(
+            loop for loop in in_loops if len(loop) > 1 or loop[0] in needs_of[loop[0]]
+        )
     )
 
 

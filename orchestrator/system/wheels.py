@@ -62,5 +62,5 @@ def largest_speed(values: Values) -> float:
 
 def smallest_capacity(values: Values) -> float:
     """Return the capacity of the smallest wheel (N m s); 0 without wheels."""
-    found = capacities(values)[existing(values)]
-    return float(found.min()) if len(found) else 0.0
+    capacities_present = capacities(values)[existing(values)]
+    return float(capacities_present.min()) if len(capacities_present) else 0.0

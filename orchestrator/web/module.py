@@ -47,32 +47,32 @@ def need_compiler() -> None:
 
 def sources(loops: Sequence[LoopSource]) -> dict[str, str]:
     """Return the C files of a module of these loops, by name."""
-    found = {
+    texts = {
         name: (native.WRAPPER / name).read_text(encoding="utf-8") for name in _SHARED
     }
-    found["shim.c"] = (files(__package__) / "shim.c").read_text(encoding="utf-8")
+    texts["shim.c"] = (files(__package__) / "shim.c").read_text(encoding="utf-8")
     names = [f"desat_loop_{i}_block" for i in range(len(loops))]
-    found["loops.h"] = "".join(
+    texts["loops.h"] = "".join(
         f"extern const block_description {name};\n" for name in names
     ) + (
         "static const block_description *const web_loops[] = { "
         f"{', '.join(f'&{name}' for name in names)} }};\n"
     )
     for i, (loop, name) in enumerate(zip(loops, names, strict=True)):
-        found[f"loop_{i}.c"] = loop.loop.replace("desat_the_block", name)
-        found |= {f"{block}.c": text for block, text in loop.blocks.items()}
-    return found
+        texts[f"loop_{i}.c"] = loop.loop.replace("desat_the_block", name)
+        texts |= {f"{block}.c": text for block, text in loop.blocks.items()}
+    return texts
 
 
-def digest(found: dict[str, str]) -> str:
+def digest(texts: dict[str, str]) -> str:
     """Compute the sha256 of C files and of how they are compiled."""
     hashed = hashlib.sha256(" ".join((*_FLAGS, *_LINK)).encode())
-    for name, text in sorted(found.items()):
+    for name, text in sorted(texts.items()):
         hashed.update(f"\0{name}\0{text}".encode())
     return hashed.hexdigest()
 
 
-def compiled(found: dict[str, str]) -> bytes:
+def compiled(texts: dict[str, str]) -> bytes:
     """Compile C files to a module and return its bytes.
 
     Raises
@@ -83,9 +83,9 @@ def compiled(found: dict[str, str]) -> bytes:
     need_compiler()
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
-        for name, text in found.items():
+        for name, text in texts.items():
             io.replace_text(folder / name, text)
-        units = sorted(name.removesuffix(".c") for name in found if name.endswith(".c"))
+        units = sorted(name.removesuffix(".c") for name in texts if name.endswith(".c"))
 
         def one(unit: str) -> None:
             """Compile one C file."""

@@ -182,9 +182,9 @@ def export(
         for f, parameters, of in zip(law_systems, moved, series, strict=True)
     ]
     code, data = _page_data(target, law_systems, moved, loops, notes)
-    found = module.sources(loops)
-    data["digest"] = module.digest(found)
-    data["wasm"] = base64.b64encode(module.compiled(found)).decode()
+    sources = module.sources(loops)
+    data["digest"] = module.digest(sources)
+    data["wasm"] = base64.b64encode(module.compiled(sources)).decode()
     path = file or Path(f"{Path(target).absolute().name.removesuffix('.toml')}.html")
     io.replace_text(path, _page(data, code, author))
     return WrittenPage(
@@ -260,29 +260,29 @@ def _requested_sliders(
     that accepts it. A law whose own value lies elsewhere gets the range that is usual
     for it. Raises DesatError where no law accepts it, as for the first of them.
     """
-    found: dict[int, Slider] = {}
+    sliders: dict[int, Slider] = {}
     errors: list[DesatError] = []
     for i, f in enumerate(law_systems):
         try:
-            found[i] = asked_of(text, f.system)
+            sliders[i] = asked_of(text, f.system)
         except DesatError as error:
             errors.append(error)
-    if not found:
+    if not sliders:
         raise errors[0]
-    home = next((i for i, s in found.items() if s.holds_start), min(found))
-    name = found[home].name
-    of_home = {home: found[home]}
-    if not found[home].holds_start:
+    home = next((i for i, s in sliders.items() if s.holds_start), min(sliders))
+    name = sliders[home].name
+    of_home = {home: sliders[home]}
+    if not sliders[home].holds_start:
         notes.append(
-            f"slider {name}: the scenario's own value, {found[home].start:g} "
-            f"{found[home].unit}".rstrip()
+            f"slider {name}: the scenario's own value, {sliders[home].start:g} "
+            f"{sliders[home].unit}".rstrip()
             + ", lies outside its range"
         )
     for i, f in enumerate(law_systems):
         if i == home:
             continue
-        if i in found and _is_alike(found[i], found[home]):
-            of_home[i] = found[i]
+        if i in sliders and _is_alike(sliders[i], sliders[home]):
+            of_home[i] = sliders[i]
         elif name.partition(".")[0] in f.system.components and (
             other := _usual_there(name, f.system)
         ):
@@ -480,7 +480,7 @@ def _usual_ranges(system: System, names: set[str]) -> list[JsonObject]:
 
     `desat run` warns outside of it.
     """
-    found = []
+    sliders = []
     for name in sorted(names):
         owner, _, array = name.partition(".")
         signals = system.components[owner].interface.arrays[array]
@@ -488,7 +488,7 @@ def _usual_ranges(system: System, names: set[str]) -> list[JsonObject]:
             continue
         low, high = signals[0].usual
         unit = signals[0].unit_name
-        found.append(
+        sliders.append(
             {
                 "name": name,
                 "elements": [f"{owner}.{s.name}" for s in signals],
@@ -497,7 +497,7 @@ def _usual_ranges(system: System, names: set[str]) -> list[JsonObject]:
                 "unit": "" if unit == "1" else unit,
             }
         )
-    return found
+    return sliders
 
 
 def _places(loop: LoopSource) -> tuple[list[Any], JsonObject, int]:
@@ -600,11 +600,13 @@ def _derivation(entry: Number | Plot, law: _LawSystem) -> JsonObject:
 
 def _required(content: Content, name: str) -> dict[str, float]:
     """Return the required limits of a number."""
-    found = dict[str, float]()
+    limits = dict[str, float]()
     for of in content.requirements.values():
         if of.number == name:
-            found |= {k: x for k in ("min", "max") if (x := getattr(of, k)) is not None}
-    return found
+            limits |= {
+                k: x for k in ("min", "max") if (x := getattr(of, k)) is not None
+            }
+    return limits
 
 
 def _unit(system: System, series: str) -> str:
@@ -735,7 +737,7 @@ def _checks(system: System) -> JsonObject:
     """Return the series and components of the lines of a run after its flight."""
     there = _there(system)
     parts, managed = health.applies(system), management.applies(system)
-    found: JsonObject = {
+    checks: JsonObject = {
         "sensors": [],
         "wheels": None,
         "attitude": None,
@@ -743,23 +745,23 @@ def _checks(system: System) -> JsonObject:
         "firings": _firings(system),
     }
     if parts is not None:
-        found["sensors"] = [_sensor(system, n) for n in parts.sensors]
-        found["wheels"] = parts.wheels
-        found["attitude"] = parts.attitude and (
+        checks["sensors"] = [_sensor(system, n) for n in parts.sensors]
+        checks["wheels"] = parts.wheels
+        checks["attitude"] = parts.attitude and (
             parts.attitude[0],
             derived.wanted_attitude(parts.attitude[1], there),
         )
     if managed is not None:
         reference = derived.wanted_attitude(str(managed.reference), there)
         late = (f"{managed.spacecraft}.q_bi", reference)
-        found["law"] = {
+        checks["law"] = {
             "name": managed.manager,
             "rate": f"{managed.spacecraft}.omega_bi_body" if managed.brakes else None,
             "late": late if managed.holds and there.issuperset(late) else None,
             "holds": managed.holds,
             "deadband": managed.deadband,
         }
-    return found
+    return checks
 
 
 def _firings(system: System) -> JsonObject | None:
@@ -869,16 +871,16 @@ def _managed(law: _LawSystem) -> JsonObject | None:
 def _coils(system: System, torquers: str) -> JsonObject | None:
     """Return the data of the coils' duty, or None where they have no limit."""
     component = system.components[torquers]
-    known = dict(component.values)
-    if "drive" in known:
-        known["drive"] = component.choice("drive")
-    if (most := management.most_of_coils(known)) is None:
+    values = dict(component.values)
+    if "drive" in values:
+        values["drive"] = component.choice("drive")
+    if (most := management.most_of_coils(values)) is None:
         return None
-    axes = np.reshape(known["axes_coil"], (3, -1))
+    axes = np.reshape(values["axes_coil"], (3, -1))
     return {
-        "most": [f"{torquers}.m_limit", most / known["m_limit"]],
+        "most": [f"{torquers}.m_limit", most / values["m_limit"]],
         "inverse": np.linalg.pinv(axes[:, np.linalg.norm(axes, axis=0) > 0.0]).tolist(),
-        "period": management.rows_a_period(known, system.step),
+        "period": management.rows_a_period(values, system.step),
     }
 
 

@@ -75,9 +75,9 @@ _OURS = ("desat.numbers.", "desat.analyses.")
 def numpy_source() -> str:
     """Return numpy.js with each operation named by text written out as functions."""
 
-    def written_out(found: re.Match[str]) -> str:
+    def written_out(match: re.Match[str]) -> str:
         """Return the functions of one operation."""
-        kind, text = found.groups()
+        kind, text = match.groups()
         return f"{kind}({_LOOPS[kind].format(text)}"
 
     return _OPERATION.sub(written_out, _NUMPY)
@@ -371,11 +371,11 @@ class _Function(_Expressions):
         body = [line for s in self._tree.body for line in self._statement(s)]
         declaration = [f"let {', '.join(self._locals)};"] if self._locals else []
         lines = "".join(f"  {line}\n" for line in (*declaration, *body))
-        shown = ", ".join(f'"{n}"' for n in names)
+        names_text = ", ".join(f'"{n}"' for n in names)
         name = self._tree.name
         return (
             f"function {name}({', '.join(heads)}) {{\n{lines}}}\n"
-            f"{name}.order = [{shown}];"
+            f"{name}.order = [{names_text}];"
         )
 
     def _statement(self, node: ast.stmt) -> Iterator[str]:

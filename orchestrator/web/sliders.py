@@ -110,19 +110,21 @@ def asked_of(text: str, system: System) -> Slider:
         If it is impossible; the text says what is allowed.
     """
     name, low, high = parts_of(text)
-    found = _slider(name.strip(), system, f"--slider {text}")
+    slider = _slider(name.strip(), system, f"--slider {text}")
     _, signals = _signals(name.strip(), system, f"--slider {text}")
-    interface = system.components[found.targets[0].partition(".")[0]].interface
+    interface = system.components[slider.targets[0].partition(".")[0]].interface
     values = []
     for end in (low, high):
         elements = expand(
             interface, signals[0].name, parse_value(end.strip()), f"--slider {text}"
         )
-        values.append((float(elements[signals[0].name]) - found.offset) / found.factor)
+        values.append(
+            (float(elements[signals[0].name]) - slider.offset) / slider.factor
+        )
     if not values[0] < values[1]:
         raise DesatError(f"--slider {text}: from a lower value to a higher one")
     return replace(
-        found, low=_round(values[0]), high=_round(values[1]), is_requested=True
+        slider, low=_round(values[0]), high=_round(values[1]), is_requested=True
     )
 
 
@@ -188,7 +190,7 @@ def usual(system: System) -> list[Slider]:
         names = (*ORBIT, *COILS, *_surfaces(system), gain, *THRUSTERS, *wheels)
     else:
         names = (*THRUSTERS, *_surfaces(system), start)
-    found = []
+    sliders = []
     for owner, name in names:
         component = system.roles.get(owner)
         if component is None or name not in component.interface.arrays:
@@ -197,8 +199,8 @@ def usual(system: System) -> list[Slider]:
         for element in _names_to_move(array, component.values[name], system):
             ranged = usual_of(element, system)
             if ranged is not None:
-                found.append(ranged)
-    return found
+                sliders.append(ranged)
+    return sliders
 
 
 def _names_to_move(name: str, value: Any, system: System) -> list[str]:
@@ -306,7 +308,7 @@ def _signals(
     """
     variable = name.partition(".")[2]
     owners = owners_of(name, system)
-    known = {
+    names_allowed = {
         f"{c.name}.{array}"
         for c in system.components.values()
         for array, of in c.interface.arrays.items()
@@ -318,7 +320,7 @@ def _signals(
     )
     if not signals:
         raise DesatError(
-            f"{place}: {system.name} has no parameter {name}{nearest(name, known)}; "
+            f"{place}: {system.name} has no parameter {name}{nearest(name, names_allowed)}; "
             "`desat show` lists them"
         )
     first = signals[0]
@@ -441,8 +443,12 @@ def _shown(signal: Signal, value: float) -> tuple[str, float, float]:
         shown_unit = own_unit
     if signal.unit is None or shown_unit == own_unit:
         return own_unit, 1.0, 0.0
-    found = conversion(unit_of(shown_unit), signal.unit)
-    return (shown_unit, *found) if found is not None else (own_unit, 1.0, 0.0)
+    factor_and_offset = conversion(unit_of(shown_unit), signal.unit)
+    return (
+        (shown_unit, *factor_and_offset)
+        if factor_and_offset is not None
+        else (own_unit, 1.0, 0.0)
+    )
 
 
 def _round(value: float, digits: int = 6) -> float:
@@ -469,13 +475,13 @@ def refused(
     owners = [t.partition(".") for t in slider.targets]
     owner, _, name = next(o for o in owners if o[0] in system.components)
     before = system.components[owner].values[name]
-    for shown in (slider.low, slider.high):
-        options_moved = with_assignment(options, slider.value_text(shown, before))
+    for value_shown in (slider.low, slider.high):
+        options_moved = with_assignment(options, slider.value_text(value_shown, before))
         try:
-            found, _ = prepare(target, options_moved).or_raise()
+            moved_system, _ = prepare(target, options_moved).or_raise()
         except DesatError as error:
             return str(error).splitlines()[0]
-        beyond = differing(system, found) - reached({*slider.targets}, ordered)
+        beyond = differing(system, moved_system) - reached({*slider.targets}, ordered)
         if beyond:
             return f"{min(beyond)} is computed from it, by more than a product"
     return ""

@@ -15,7 +15,7 @@ from ..system.typed import JsonObject
 Expression = dict[str, Any]
 
 
-def expression(text: str, known: Table, scale: float = 1.0) -> Expression:
+def expression(text: str, parameters: Table, scale: float = 1.0) -> Expression:
     """Parse a product of parameters.
 
     Raises
@@ -27,17 +27,17 @@ def expression(text: str, known: Table, scale: float = 1.0) -> Expression:
         "text": text,
         "scale": scale,
         "factors": [
-            [operator, _factor(word, known)] for operator, word in parsed(text)
+            [operator, _factor(word, parameters)] for operator, word in parsed(text)
         ],
     }
 
 
-def _factor(word: str, known: Table) -> float | list[Any]:
+def _factor(word: str, parameters: Table) -> float | list[Any]:
     """Return a factor: a number, or a parameter and its element."""
     try:
         return float(word)
     except ValueError:
-        named = entry(word, known)
+        named = entry(word, parameters)
         return [named.name, named.element]
 
 
@@ -52,9 +52,9 @@ def follows(system: System) -> list[JsonObject]:
     Each has its name, its expression (`of`), its number of elements (`count`, 0: no
     array), and whether it equals another one (`whole`).
     """
-    known = system.parameters
+    parameters = system.parameters
     waiting = {
-        f"{c.name}.{name}": _reference(system, c.name, name, text, known)
+        f"{c.name}.{name}": _reference(system, c.name, name, text, parameters)
         for c in system.components.values()
         for name, text in c.references.items()
     }
@@ -68,29 +68,31 @@ def follows(system: System) -> list[JsonObject]:
 
 
 def _reference(
-    system: System, owner: str, name: str, text: str, known: Table
+    system: System, owner: str, name: str, text: str, parameters: Table
 ) -> JsonObject:
     """Return the entry of one parameter that follows from others."""
     signals = system.components[owner].interface.elements[name]
     is_whole_name = is_name(text)
     unit = (
-        unit_of(entry(text, known).unit) if is_whole_name else product(text, known)[1]
+        unit_of(entry(text, parameters).unit)
+        if is_whole_name
+        else product(text, parameters)[1]
     )
     return {
         "name": f"{owner}.{name}",
         "whole": is_whole_name,
         "count": 0 if signals[0].name == name else len(signals),
-        "of": expression(text, known, scale_of(signals[0], unit, text)),
+        "of": expression(text, parameters, scale_of(signals[0], unit, text)),
     }
 
 
 def reached(moved: Set[str], ordered: list[JsonObject]) -> set[str]:
     """Return parameters and all that follow from them."""
-    found = set(moved)
+    names = set(moved)
     for each in ordered:
-        if names_of(each["of"]) & found:
-            found.add(each["name"])
-    return found
+        if names_of(each["of"]) & names:
+            names.add(each["name"])
+    return names
 
 
 def numbers_of(system: System) -> Iterator[tuple[str, Any]]:
@@ -110,7 +112,9 @@ def differing(a: System, b: System) -> set[str]:
 
 def _all(system: System) -> Values:
     """Return the values of all parameters by name."""
-    known = system.parameters
+    parameters = system.parameters
     return {
-        f"{owner}.{n}": p.value for owner, of in known.items() for n, p in of.items()
+        f"{owner}.{n}": p.value
+        for owner, of in parameters.items()
+        for n, p in of.items()
     }

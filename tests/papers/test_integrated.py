@@ -816,7 +816,7 @@ def test_rows_of_draws_have_the_median_and_the_file_is_named(drawn, monkeypatch)
     monkeypatch.setattr(tables, "scenarios", lambda family: chosen)
     data = tables.as_json(
         "integrated",
-        rows("integrated", Options(), drawn=drawn),
+        rows("integrated", Options(), samples=drawn),
         stored.provenance(drawn, fresh=False),
     )
     assert data["run"]["file"] == "docs/papers/integrated/draws.parquet"
@@ -830,6 +830,6 @@ def test_rows_of_draws_have_the_median_and_the_file_is_named(drawn, monkeypatch)
         summary.levels["max"],
     )
     assert row["within"] is True
-    incomplete = replace(rows("integrated", Options(), drawn=drawn)[0], draws=None)
+    incomplete = replace(rows("integrated", Options(), samples=drawn)[0], draws=None)
     assert tables.texts_of(incomplete)["draws"] == ""
     assert json.dumps(data)

@@ -823,7 +823,7 @@ def test_claims_that_hold_are_within_their_bands(monkeypatch):
     monkeypatch.setattr(tables, "scenarios", stored.with_draws)
     drawn = stored.read(FAMILY)
     rows = [
-        r for r in tables.rows(FAMILY, Options(), drawn=drawn) if r.table == "claims"
+        r for r in tables.rows(FAMILY, Options(), samples=drawn) if r.table == "claims"
     ]
     assert len(rows) >= 15
     for row in rows:

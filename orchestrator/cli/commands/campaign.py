@@ -227,10 +227,12 @@ def _print_numbers(summary: CampaignSummary, everything: bool) -> None:
 
     names = list(summary.numbers)
     judged = {verdict.requirement.number for verdict in summary.requirements.values()}
-    shown = to_print(names, judged, everything)
+    names_to_print = to_print(names, judged, everything)
     table = tabulate_numbers(summary.numbers)
-    print_table(table.part(TERMINAL_COLUMNS, [names.index(name) for name in shown]))
-    if rest := len(names) - len(shown):
+    print_table(
+        table.part(TERMINAL_COLUMNS, [names.index(name) for name in names_to_print])
+    )
+    if rest := len(names) - len(names_to_print):
         out.print(f"{rest} more numbers in the report; --all prints them")
 
 

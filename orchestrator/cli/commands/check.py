@@ -166,19 +166,19 @@ def _check_fmu(path: Path, trust: Path | None, as_json: bool) -> None:
     from ...files.library import hashes
 
     trusted = None if trust is None else hashes(trust)
-    found = inspect_fmu(path)
-    problems = list(found.problems)
-    if trusted is not None and not found.ours and found.sha256 not in trusted:
+    inspected = inspect_fmu(path)
+    problems = list(inspected.problems)
+    if trusted is not None and not inspected.ours and inspected.sha256 not in trusted:
         problems.append(
-            f"{path.name} is not of the list of --trust (sha256 {found.sha256})"
+            f"{path.name} is not of the list of --trust (sha256 {inspected.sha256})"
         )
     if as_json:
-        print_json({**asdict(found), "problems": problems})
+        print_json({**asdict(inspected), "problems": problems})
     else:
-        _print_fmu(found)
+        _print_fmu(inspected)
         for problem in problems:
             err.print(problem, markup=False)
-        for warning in found.warnings:
+        for warning in inspected.warnings:
             err.print(f"warning: {warning}", markup=False)
     if problems:
         if not as_json:
@@ -186,14 +186,18 @@ def _check_fmu(path: Path, trust: Path | None, as_json: bool) -> None:
         raise typer.Exit(Exit.UNMET)
 
 
-def _print_fmu(found: InspectedFmu) -> None:
+def _print_fmu(inspected: InspectedFmu) -> None:
     """Print the interface of an FMU, its platforms and its hash."""
-    kinds = ", ".join(found.kinds) or "nothing that it names"
-    out.print(plain(f"{found.model}: FMI {found.fmi} for {kinds}"), markup=False)
-    out.print(f"platforms: {plain(', '.join(found.platforms)) or 'none'}", markup=False)
-    owner = " (ours)" if found.ours else ""
-    out.print(f"sha256: {found.sha256}{owner}", markup=False)
-    for causality, variables in found.of_causality().items():
+    kinds = ", ".join(inspected.kinds) or "nothing that it names"
+    out.print(
+        plain(f"{inspected.model}: FMI {inspected.fmi} for {kinds}"), markup=False
+    )
+    out.print(
+        f"platforms: {plain(', '.join(inspected.platforms)) or 'none'}", markup=False
+    )
+    owner = " (ours)" if inspected.ours else ""
+    out.print(f"sha256: {inspected.sha256}{owner}", markup=False)
+    for causality, variables in inspected.of_causality().items():
         rows = []
         for v in variables:
             size = f"[{','.join(map(str, v.shape))}]" if v.shape else ""
@@ -203,8 +207,8 @@ def _print_fmu(found: InspectedFmu) -> None:
         ]
         out.print()
         print_table(Table("", columns, rows))
-    if found.roles:
+    if inspected.roles:
         out.print()
         out.print("roles (`desat help blocks ROLE`):")
-    for role in found.roles:
+    for role in inspected.roles:
         out.print(f"  {role.text()}", markup=False, highlight=False)

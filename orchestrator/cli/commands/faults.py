@@ -107,7 +107,7 @@ def faults(
         fmus=fmus,
     )
     names = [x.strip() for x in (laws or "").split(",") if x.strip()]
-    found = study.fly_faults(
+    table = study.fly_faults(
         targets,
         options,
         study.chosen(fault or []),
@@ -122,17 +122,17 @@ def faults(
         free=tune,
     )
     if as_json:
-        print_json(found.as_json())
+        print_json(table.as_json())
     else:
-        out.print(found.answer, highlight=False, markup=False)
-        print_table(found.table)
-        for title, reason in found.without.items():
+        out.print(table.answer, highlight=False, markup=False)
+        print_table(table.table)
+        for title, reason in table.without.items():
             out.print(
                 f"does not apply: {title}: {reason}", highlight=False, markup=False
             )
-    nominal = found.rows[study.NOMINAL][1]
+    nominal = table.rows[study.NOMINAL][1]
     rows = [
-        outcomes for name, (_, outcomes) in found.rows.items() if name != study.NOMINAL
+        outcomes for name, (_, outcomes) in table.rows.items() if name != study.NOMINAL
     ]
     if any(x[0].failed > nominal[0].failed for x in rows):
         raise typer.Exit(Exit.UNMET)

@@ -371,11 +371,11 @@ def _report_run(
     )
     names = list(manifest.numbers)
     judged = {v.number for v in manifest.verdicts.values()}
-    shown = to_print(names, judged, everything)
-    rows = [names.index(name) for name in shown]
+    names_to_print = to_print(names, judged, everything)
+    rows = [names.index(name) for name in names_to_print]
     rows += range(len(names), len(table.rows))
     print_table(table.part(range(len(table.columns)), rows), is_folded=True)
-    if rest := len(manifest.numbers) - len(shown):
+    if rest := len(manifest.numbers) - len(names_to_print):
         out.print(f"{rest} more numbers in the report; --all prints them")
     if line := substeps_line(manifest):
         out.print(line)

@@ -246,24 +246,26 @@ def _slew(text: str | None) -> tuple[float, float]:
     return angle, seconds
 
 
-def _print_sizing(found: Sizing) -> None:
+def _print_sizing(sizing: Sizing) -> None:
     """Print a sizing."""
     from ...sizing import tables
 
-    out.print(found.answer, highlight=False, markup=False)
-    shown = [
-        tables.tabulate_quantities(found),
-        tables.tabulate_margins(found),
-        tables.tabulate_sources(found.sources),
+    out.print(sizing.answer, highlight=False, markup=False)
+    tables_shown = [
+        tables.tabulate_quantities(sizing),
+        tables.tabulate_margins(sizing),
+        tables.tabulate_sources(sizing.sources),
     ]
-    if found.year:
-        shown.append(tables.tabulate_extremes(found.year))
-    laws = (found.curve[0].law, found.law) if found.curve else ()
-    shown.append(tables.tabulate_points([r for r in found.curve if r.law in laws]))
-    if found.best:
-        shown.append(tables.tabulate_conditions(found))
-    _print_tables(shown)
-    _print_notes(found.notes)
+    if sizing.year:
+        tables_shown.append(tables.tabulate_extremes(sizing.year))
+    laws = (sizing.curve[0].law, sizing.law) if sizing.curve else ()
+    tables_shown.append(
+        tables.tabulate_points([r for r in sizing.curve if r.law in laws])
+    )
+    if sizing.best:
+        tables_shown.append(tables.tabulate_conditions(sizing))
+    _print_tables(tables_shown)
+    _print_notes(sizing.notes)
 
 
 def _print_tables(tables: Sequence[Table]) -> None:
@@ -291,16 +293,19 @@ def _print_sized(as_json: bool) -> Callable[[DumpSizing], None]:
     return show
 
 
-def _print_dumps(found: DumpSizing) -> None:
+def _print_dumps(sizing: DumpSizing) -> None:
     """Print a sizing of dumps."""
     from ...sizing import tables
 
-    out.print(found.answer, highlight=False, markup=False)
-    shown = [tables.tabulate_dumps(found), tables.tabulate_dump_sources(found.sources)]
-    if found.year:
-        shown.append(tables.tabulate_dump_extremes(found.year))
-    _print_tables(shown)
-    _print_notes(found.notes)
+    out.print(sizing.answer, highlight=False, markup=False)
+    tables_shown = [
+        tables.tabulate_dumps(sizing),
+        tables.tabulate_dump_sources(sizing.sources),
+    ]
+    if sizing.year:
+        tables_shown.append(tables.tabulate_dump_extremes(sizing.year))
+    _print_tables(tables_shown)
+    _print_notes(sizing.notes)
 
 
 def _print_map(sizing_map: SizingMap) -> None:

@@ -180,10 +180,10 @@ class Results:
             if file.suffix == ".part":
                 grown = min(_grown(opened), _row_count(file.with_name(MANIFEST)))
                 rows = grown if rows is None else min(grown, rows)
-            found = cls(opened, rows)
+            results = cls(opened, rows)
             if file.suffix != ".part":
                 _check_series(opened, rows)
-            return found
+            return results
         except DAMAGED as error:
             raise DesatError(
                 f"{path}: no readable series ({_reason(error)})"
@@ -249,12 +249,12 @@ class Results:
         try:
             link = shared_tables.link_of(variable)
             if component in self._file and link in self._file[component]:
-                found = self._found[name] = self._file[component][link]
-                return found
-            known = self.names()
+                column = self._found[name] = self._file[component][link]
+                return column
+            series_names = self.names()
         except DAMAGED as error:
             raise self._unreadable(name, error) from error
-        raise DesatError(f"no series {name}{nearest(name, known)}")
+        raise DesatError(f"no series {name}{nearest(name, series_names)}")
 
     def raw(self, path: str, rows: slice) -> NDArray[Any]:
         """Read rows of a data set of the file."""
@@ -273,11 +273,11 @@ class Results:
             if self._rows is None
             else min(self._rows, rows.stop or self._rows)
         )
-        found = self._find(name)
+        column = self._find(name)
         try:
-            if not isinstance(found, h5py.Dataset) or found.nbytes > RECENT // 16:
-                return np.asarray(found[rows.start : last])
-            series = self.recent(("values", name), lambda: np.asarray(found[:]))
+            if not isinstance(column, h5py.Dataset) or column.nbytes > RECENT // 16:
+                return np.asarray(column[rows.start : last])
+            series = self.recent(("values", name), lambda: np.asarray(column[:]))
             return series[rows.start : last]
         except DAMAGED as error:
             raise self._unreadable(name, error) from error

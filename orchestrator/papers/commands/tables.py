@@ -48,22 +48,22 @@ def tables(
     from .. import tables as tables_module
 
     options = o.options_of(None, None, None, algorithm, blocks, fmus=fmus)
-    drawn, origin = _draws_of(family, jobs, fresh, progress=not as_json)
-    rows = tables_module.rows(family, options, jobs, drawn)
+    draws, origin = _draws_of(family, jobs, fresh, progress=not as_json)
+    rows = tables_module.rows(family, options, jobs, draws)
     if as_json:
         print_json(tables_module.as_json(family, rows, origin))
         return
     for heading, group in tables_module.groups(rows):
         lines = [tables_module.texts_of(row) for row in group]
-        shown = tables_module.columns(lines)
+        table_columns = tables_module.columns(lines)
         columns = [
             Column(text, kind="number" if column in tables_module.NUMBERS else "text")
-            for column, text in shown.items()
+            for column, text in table_columns.items()
         ]
         cells = [
             [
                 Cell(line[c], mark=cast(Mark, line["mark"] if c == "verdict" else ""))
-                for c in shown
+                for c in table_columns
             ]
             for line in lines
         ]
@@ -106,10 +106,10 @@ def _draws_of(
             (left_out, "are not there: their rows are left out"),
         ):
             if names:
-                shown = ", ".join(names[:3]) + (
+                names_text = ", ".join(names[:3]) + (
                     f" and {len(names) - 3} more" if names[3:] else ""
                 )
                 err.print(
-                    f"warning: the stored samples of {shown} {problem}; --fresh computes them"
+                    f"warning: the stored samples of {names_text} {problem}; --fresh computes them"
                 )
     return in_file, stored_module.provenance(in_file, fresh=False)

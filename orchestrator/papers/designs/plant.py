@@ -102,8 +102,8 @@ class Plant:
     def _component(self, name: str) -> Component:
         """Return a component, or raise DesatError."""
         if name not in self.system.components:
-            known = nearest(name, self.system.components)
-            raise DesatError(f"{self.system.name}: no component {name}{known}")
+            hint = nearest(name, self.system.components)
+            raise DesatError(f"{self.system.name}: no component {name}{hint}")
         return self.system.components[name]
 
     def _bare(self, name: str) -> Any:
