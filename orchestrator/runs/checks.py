@@ -29,7 +29,6 @@ from ..analyses import (
     unmanaged_orbit,
     wheels,
 )
-from ..engine.instances.isolated import CAN
 from ..files import library
 from ..files.build import build
 from ..files.draft import Draft
@@ -40,9 +39,8 @@ from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
 from ..system.schedule import schedule as schedule_of
-from . import validation
+from . import isolation, validation
 from .case import Case
-from .isolation import isolation_problems, to_isolate
 from .provider import provider
 
 Lines = Iterable[str]
@@ -215,9 +213,9 @@ def exchange_warnings(case: Case) -> Iterator[str]:
     assert system is not None
     assert schedule is not None
     if (
-        not CAN
+        not isolation.CAN
         and options.isolate == "foreign"
-        and (names := sorted(to_isolate(system, options)))
+        and (names := sorted(isolation.to_isolate(system, options)))
     ):
         yield (
             f"{', '.join(names)}: foreign FMUs run in the process of the run, which they may "
@@ -259,7 +257,7 @@ CHECKS = (
     Check("problem", of_run(validation.recording_problems), "system"),
     Check("problem", of_run(validation.not_saved), "system"),
     Check("problem", of_run(validation.not_halved), "system"),
-    Check("problem", of_run(isolation_problems), "system"),
+    Check("problem", of_run(isolation.isolation_problems), "system"),
     Check("problem", of_run(needs.design_problems), "system"),
     Check("problem", content_problems, "nothing"),
     Check("warning", left_out, "system"),

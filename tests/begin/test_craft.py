@@ -343,7 +343,8 @@ def test_numbers_have_units_and_are_converted(twelve: Path, tmp_path: Path) -> N
         prepare(str(folder), Options()).or_raise()
     (folder / "craft.toml").write_text(text.replace("6500 rpm", "6500 km"))
     with pytest.raises(
-        DesatError, match=r"wheels\.speed_limit = '6500 km': km is no unit of wheels\\.speed_limit, which is in rad/s"
+        DesatError,
+        match=r"wheels\.speed_limit = '6500 km': km is no unit of wheels\.speed_limit, which is in rad/s",
     ):
         prepare(str(folder), Options()).or_raise()
 

@@ -231,7 +231,7 @@ def test_a_case_is_the_draw_of_the_same_number(full_campaign, own_scenario, tmp_
     ):
         desat.cases(own_scenario, 2, tmp_path / "c", {"environment.mean_anomaly": 1.0})
 
-    again = one(read_source(str(own_scenario)), Options(), 1, 123)
+    again = one(Cases(read_source(str(own_scenario))), Options(), 1, 123)
     row = store.read(full_campaign).slice(123, 1).to_pylist()[0]
     assert {k[4:]: v for k, v in row.items() if k.startswith("out.")} == again.numbers
 

@@ -13,6 +13,7 @@ from desat.campaign import case as campaign_case
 from desat.campaign import draws as study
 from desat.campaign import plan, store
 from desat.engine.instances.base import EndedError
+from desat.runs.cases import Cases
 from desat.runs.run import Run
 from desat.system.errors import DesatError, Exit, RunError
 from desat.system.options import Options
@@ -70,7 +71,7 @@ def test_draws_record_what_their_numbers_need(monkeypatch, substeps, record, loo
     monkeypatch.setattr(study, "simulate", simulate)
     options = Options(blocks=True, stop=20.0, substeps=substeps, record=record)
     with pytest.raises(AskedError) as requests:
-        study.ran(study.read("gyrostat/light"), options, {})
+        study.ran(Cases(study.read("gyrostat/light")), options, {})
     (found,) = requests.value.args
     if looks is None:
         assert found == record

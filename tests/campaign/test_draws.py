@@ -10,6 +10,7 @@ import pytest
 from desat.campaign.draws import Draws, RunRow, axes_of, draws, one, sweep
 from desat.campaign.pairs import common, differences, each_draw
 from desat.campaign.spread import Spread
+from desat.runs.cases import Cases
 from desat.runs.prepare import read
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
@@ -90,7 +91,7 @@ def test_a_drawn_value_that_is_refused_is_named(other):
         (0, f"speed_limit from {place}"),
     ):
         with pytest.raises(DesatError, match=re.escape(text)) as error:
-            one(read(target), SHORT, 1, draw)
+            one(Cases(read(target)), SHORT, 1, draw)
         assert ("allowed is 0.001 to inf" if draw else of) in str(error.value)
     target = other('dispersions."wheel.speed_limit" = { uniform = [1.0, 2.0] }')
     with pytest.raises(

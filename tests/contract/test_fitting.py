@@ -9,7 +9,7 @@ import pytest
 
 from desat.components.contract.roles import Manager
 from desat.fmus.registry import block_class
-from desat.runs.prepare import prepare, read
+from desat.runs.prepare import prepare
 from desat.runs.run import Options
 from desat.sizing import compatibility
 from desat.sizing.compatibility import Terms
@@ -21,9 +21,8 @@ MANAGERS = compatibility.managers()
 
 
 def of(target, terms=TERMS, requests=(compatibility.ALL,), **options):
-    found, refused = compatibility.fitting(
-        read(target), Options(**options), terms, requests
-    )
+    case = prepare(target, Options(**options))
+    found, refused = compatibility.fitting(case, terms, requests)
     return {f.name: f for f in found}, {r.name: r.why for r in refused}
 
 

@@ -40,9 +40,8 @@ from desat.export.packing import pack
 from desat.files import io, library
 from desat.fmus import native
 from desat.report.report import write_report
-from desat.runs import prepare as preparing
+from desat.runs import isolation, step_case, substep_choice
 from desat.runs import run as case
-from desat.runs import step_case, substep_choice
 from desat.runs.run import Options, load_run, prepare, simulate
 from desat.system.errors import DesatError, Exit, RunError
 from tests.conftest import ROOT, module_of, python
@@ -522,9 +521,9 @@ def test_what_refuses_to_be_instantiated_is_heard(system, tmp_path):
 
 def test_where_no_process_can_be_had_it_is_said(system, monkeypatch):
     """Elsewhere than on POSIX."""
-    monkeypatch.setattr(preparing, "CAN", False)
+    monkeypatch.setattr(isolation, "CAN", False)
     case = prepare(str(system), Options(step=1.0))
-    assert preparing.isolated_in(case.or_raise()[0], case.options) == frozenset()
+    assert isolation.isolated_in(case.or_raise()[0], case.options) == frozenset()
     (line,) = [w for w in case.warnings if "POSIX" in w]
     assert line.startswith("bad: foreign FMUs run in the process of the run")
     run = simulate(prepare(str(system), options("NOTHING", isolate="foreign")))

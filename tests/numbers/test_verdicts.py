@@ -24,6 +24,7 @@ from desat.language.content import Content
 from desat.language.scenario import Requirement
 from desat.numbers import verdicts
 from desat.numbers.text import Value
+from desat.runs.cases import Cases
 from desat.runs.run import Run, load_run, prepare, simulate
 from desat.runs.stopping import LATE, StopCondition
 from desat.system.errors import Exit, RunError
@@ -305,7 +306,7 @@ def test_requirements_of_draws_are_of_all_together(tmp_path):
     """One case outside does not end a campaign with 1: its share does."""
     file = tmp_path / "mine.toml"
     file.write_text(REQUIRED.format(calm=0.01, dumped=60.0))
-    row = study.one(study.read(str(file)), Options(), 0, None)
+    row = study.one(Cases(study.read(str(file))), Options(), 0, None)
     assert (row.code, row.unmet) == (0, [])
 
 
