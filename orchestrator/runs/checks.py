@@ -204,23 +204,13 @@ def design_warnings(case: Case) -> Lines:
 
 
 def exchange_warnings(case: Case) -> Iterator[str]:
-    """Yield a line for each option without effect.
+    """Yield a line for each option without effect under the semantics of other masters.
 
-    These concern substeps and step averages under the semantics of other masters, and
-    processes for foreign FMUs where there can be none.
+    These concern substeps and step averages.
     """
     system, schedule, options = case.system, case.schedule, case.options
     assert system is not None
     assert schedule is not None
-    if (
-        not isolation.CAN
-        and options.isolate == "foreign"
-        and (names := sorted(isolation.to_isolate(system, options)))
-    ):
-        yield (
-            f"{', '.join(names)}: foreign FMUs run in the process of the run, which they may "
-            "end: a process each needs POSIX"
-        )
     if options.algorithm != "jacobi":
         return
     if system.parts > 1:
@@ -281,6 +271,7 @@ CHECKS = (
     Check("warning", of_system(residual.warnings)),
     Check("warning", of_system(sampling.warnings)),
     Check("warning", of_system(late_state_warnings)),
+    Check("warning", of_run(isolation.isolation_warnings)),
     Check("warning", exchange_warnings),
     Check("problem", of_system(unmanaged_orbit.dump_problems), level="study"),
     Check("warning", of_system(unmanaged_orbit.warnings), level="study"),

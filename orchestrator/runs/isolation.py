@@ -33,3 +33,14 @@ def isolation_problems(system: System, options: Options) -> Iterator[str]:
         yield "--isolate all: it needs processes that can be forked (POSIX)"
     elif not to_isolate(system, options):
         yield "--isolate all: it has no effect without an FMU"
+
+
+def isolation_warnings(system: System, options: Options) -> Iterator[str]:
+    """Yield a line if foreign FMUs run in the process of the run, as they have to."""
+    if CAN or options.isolate != "foreign":
+        return
+    if names := sorted(to_isolate(system, options)):
+        yield (
+            f"{', '.join(names)}: foreign FMUs run in the process of the run, which they may "
+            "end: a process each needs POSIX"
+        )
