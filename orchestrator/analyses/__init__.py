@@ -91,9 +91,9 @@ class Analysis:
         if not late:
             return parts
         # a part is named by its component or by a series of it
-        named = set(_texts_in([*vars(parts).values(), *self.signals(parts)]))
+        part_names = set(_texts_in([*vars(parts).values(), *self.signals(parts)]))
         series = {f"{name}.{output}" for name, of in late.items() for output in of}
-        return None if named & (late.keys() | series) else parts
+        return None if part_names & (late.keys() | series) else parts
 
 
 def _texts_in(values: Iterable[Any]) -> Iterator[str]:
@@ -160,9 +160,10 @@ def not_checked(reasons: Mapping[str, str]) -> list[str]:
 
     The reasons are by the names of the numbers.
     """
-    named: dict[str, list[str]] = {}
+    names_by_reason: dict[str, list[str]] = {}
     for name, reason in reasons.items():
-        named.setdefault(reason, []).append(name)
+        names_by_reason.setdefault(reason, []).append(name)
     return [
-        f"not checked: {', '.join(names)}: {reason}" for reason, names in named.items()
+        f"not checked: {', '.join(names)}: {reason}"
+        for reason, names in names_by_reason.items()
     ]

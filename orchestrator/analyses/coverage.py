@@ -186,9 +186,9 @@ def jitter(parts: StepParts, speeds: Array, step: float) -> float:
     short compared with a turn of the wheel. `parts` are as `applies` returns them.
     """
     fast = np.abs(speeds)
-    turned = (fast * np.minimum(1.0, fast * step)).sum(axis=1).max(initial=0.0)
+    angle = (fast * np.minimum(1.0, fast * step)).sum(axis=1).max(initial=0.0)
     least = float(np.linalg.eigvalsh(np.array(parts.carrier))[0])
-    return float(AT_RANDOM * parts.unbalance * turned * step / least)
+    return float(AT_RANDOM * parts.unbalance * angle * step / least)
 
 
 def _speeds(parts: StepParts, h: Array) -> Array:

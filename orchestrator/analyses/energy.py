@@ -335,8 +335,8 @@ def totals_of(manifest: Manifest, results: Results) -> Totals | None:
 
     They are those that were computed while it ran, or else follow from its rows.
     """
-    if stored := manifest.balance:
-        return Totals(**stored)
+    if totals := manifest.balance:
+        return Totals(**totals)
     computed = balance(manifest, results)
     return computed and computed.totals
 
@@ -353,8 +353,8 @@ def balanced(parts: EnergyParts) -> list[str]:
         return [parts.declared, *series, parts.tau_mean_wheel]
     if parts.why:
         return residual.body_series(parts)
-    fed = parts.feeds or {}
-    outer = [x for x in fed.values() if isinstance(x, str)]
+    feeds = parts.feeds or {}
+    outer = [x for x in feeds.values() if isinstance(x, str)]
     return [*of_work(parts), *outer]
 
 

@@ -47,12 +47,12 @@ def applies(system: System) -> FixedAttitudeParts | None:
     """Find the component with prescribed attitude, or None without one."""
     for c in system.components.values():
         if c.model == motion.FIXED:
-            fed, reason = motion.feeds(system, c.name), ""
+            feeds, reason = motion.feeds(system, c.name), ""
             if system.substeps != 1 or c.step_ratio > 1:
                 reason = f"a row has several steps of {c.name}, or a part of one"
-            elif fed is None:
+            elif feeds is None:
                 reason = f"what reaches {c.name} is converted, or does not come at every step"
-            return FixedAttitudeParts(c.name, fed, reason)
+            return FixedAttitudeParts(c.name, feeds, reason)
     return None
 
 

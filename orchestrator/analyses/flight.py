@@ -223,9 +223,9 @@ def _failed(system: System) -> NDArray[np.bool_]:
     wheels, failed = system.roles.get("wheels"), np.zeros(4, bool)
     if wheels is None or "failed" not in wheels.values or wheels.block is None:
         return failed
-    named = wheels.choice("failed")
-    if named != "none" and wheels.values.get("failed_from", 0.0) < system.stop:
-        failed[[int(x) - 1 for x in named.split("+")]] = True
+    failed_name = wheels.choice("failed")
+    if failed_name != "none" and wheels.values.get("failed_from", 0.0) < system.stop:
+        failed[[int(x) - 1 for x in failed_name.split("+")]] = True
     return failed
 
 
@@ -248,8 +248,8 @@ def _largest_dipole(coils: Values) -> float:
 
 def series_for(system: System) -> tuple[str, ...]:
     """Return the series that a run has to record for `flight_of`."""
-    fed = motion.feeds(system, "spacecraft") or {}
-    more = {x for x in fed.values() if isinstance(x, str)}
+    feeds = motion.feeds(system, "spacecraft") or {}
+    more = {x for x in feeds.values() if isinstance(x, str)}
     return tuple(
         sorted({s for s in SERIES if s.partition(".")[0] in system.components} | more)
     )
@@ -286,8 +286,8 @@ def flight_of(system: System, results: Any) -> Flight:
     disturbance = impulse - coil_impulse(times, b, q, dipole[: n - 1])
     every = max(1, round(NODE_TIME / float(times[1] - times[0])))
     rows = slice(0, n - 1)
-    fed = motion.feeds(system, "spacecraft")
-    inputs = motion.recorded_inputs(results, fed, rows) if fed else None
+    feeds = motion.feeds(system, "spacecraft")
+    inputs = motion.recorded_inputs(results, feeds, rows) if feeds else None
     at, sources = times[rows][::every], {}
     if inputs is not None:
         some = {k: x[::every] for k, x in inputs.items()}
@@ -641,10 +641,10 @@ def flown_at(
     else:
         q = np.broadcast_to(np.array(attitude.q), (len(times), 4))
         omega = np.zeros((len(times), 3))
-    fed = motion.feeds(system, "spacecraft") or {}
+    feeds = motion.feeds(system, "spacecraft") or {}
     loose = {
         k: np.broadcast_to(np.array(x, float), (len(times), len(x)))
-        for k, x in fed.items()
+        for k, x in feeds.items()
         if not isinstance(x, str) and k in inputs
     }
     sources = impulses(system, inputs | loose, q, times)

@@ -315,10 +315,10 @@ class _Truth:
         if values.get("drive") == "pulsed":
             most = min(most, values["duty_max"])
         share = np.full((len(begin), len(values["axes_coil"]) // 3), most)
-        if (failed := values.get("failed_coil", "none")) != "none":
+        if (failed_coil := values.get("failed_coil", "none")) != "none":
             alive = np.clip((values["failed_from"] - begin) / (end - begin), 0.0, 1.0)
             rest = abs(values.get("failed_share", 0.0))
-            share[:, int(failed) - 1] *= alive + (1.0 - alive) * rest
+            share[:, int(failed_coil) - 1] *= alive + (1.0 - alive) * rest
         return share
 
 

@@ -294,19 +294,19 @@ def problems(system: System) -> Iterator[str]:
         return
     nadir = guide.model == "guidance_nadir"
     try:
-        turned = _turned(system, target)
+        is_turned = _turned(system, target)
     except (DesatError, BlockError):
         if not nadir:
             return
-        turned = 0.0
+        is_turned = 0.0
     normal = np.array([0.0, -1.0, 0.0])
     if nadir:
         offset = guide.values["q_bo"] or [0.0, 0.0, 0.0, 1.0]
         normal = matrices(np.array([offset]))[0] @ normal
         across = target - (target @ normal) * normal
         share = float(np.linalg.norm(across) / np.linalg.norm(target))
-        turned = 2.0 * float(np.arcsin(min(1.0, share))) if share > ACROSS else 0.0
-    if turned <= MOST_TURN and not (nadir and turned > 0.0):
+        is_turned = 2.0 * float(np.arcsin(min(1.0, share))) if share > ACROSS else 0.0
+    if is_turned <= MOST_TURN and not (nadir and is_turned > 0.0):
         return
     target_text = ", ".join(f"{x:g}" for x in target.tolist())
     place = manager.origins.get("h_target_body", system.place)
@@ -316,7 +316,7 @@ def problems(system: System) -> Iterator[str]:
     )
     yield (
         f"{place}: {manager.name}.h_target_body = ({target_text}) N m s: {guide.model} turns "
-        f"it by {np.degrees(turned):.3g} deg in eci, and no law turns a bias with it"
+        f"it by {np.degrees(is_turned):.3g} deg in eci, and no law turns a bias with it"
         f"{only if nadir else ''}"
     )
 
@@ -442,9 +442,9 @@ def of_momentum(
     The momenta h (rows, wheels; N m s) are about axes (3, wheels) with the
     pseudoinverse `inverse`. The null-space momentum is that of the most loaded wheel.
     """
-    stored = h @ axes.T
-    size = np.linalg.norm(stored, axis=1)
-    idle = h - stored @ inverse.T
+    wheel_momentum = h @ axes.T
+    size = np.linalg.norm(wheel_momentum, axis=1)
+    idle = h - wheel_momentum @ inverse.T
     return (
         _rms(size, times),
         float(size.max()),
@@ -521,11 +521,16 @@ def compare(manifest: Manifest, results: Results) -> tuple[float, float] | None:
     parts: ManagementParts = manifest.parts[KEY]
     if parts.holds and _largest_late_error(parts, results) is not None:
         return None
-    held = balance(manifest, results)
+    momentum_balance = balance(manifest, results)
     return (
         None
-        if held is None
-        else off_target(held.times, held.stored, held.without, held.target)
+        if momentum_balance is None
+        else off_target(
+            momentum_balance.times,
+            momentum_balance.stored,
+            momentum_balance.without,
+            momentum_balance.target,
+        )
     )
 
 
@@ -595,12 +600,12 @@ def _balance(manifest: Manifest, results: Results) -> MomentumBalance | None:
         managed = managed + coil_impulse(times, b[:count], q, dipole[: count - 1])
     if fired is not None:
         managed = managed + fired_impulse(times, q, fired)
-    stored = h @ axes.T
-    without = unmanaged(q, impulse, stored, body, managed)
+    wheel_momentum = h @ axes.T
+    without = unmanaged(q, impulse, wheel_momentum, body, managed)
     there = existing(known_wheels)
     return MomentumBalance(
         times,
-        stored,
+        wheel_momentum,
         without,
         np.array(parts.target),
         h[:, there],
@@ -616,22 +621,22 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
     parts: ManagementParts = manifest.parts[KEY]
     if parts.brakes and not parts.holds:
         return []  # a craft that is braked, whose wheels have nothing to hold
-    held = balance(manifest, results)
-    if held is None or not held.h.shape[1]:
+    momentum_balance = balance(manifest, results)
+    if momentum_balance is None or not momentum_balance.h.shape[1]:
         return []
     from ..figures.plots import timeline  # slow import, needed for a report only
     from ..figures.style import COLOURS, DOTTED, LIMIT, figure, time_axis
     from ..numbers.text import spell_unit
 
-    fullest = np.abs(held.h).max(axis=1)
-    without = np.abs(held.without @ held.inverse.T).max(axis=1)
+    fullest = np.abs(momentum_balance.h).max(axis=1)
+    without = np.abs(momentum_balance.without @ momentum_balance.inverse.T).max(axis=1)
     capacity = _capacity(manifest.values_of(parts.wheels or ""))
     factor, unit = (
         (1e3, "mN.m.s") if max(fullest.max(), without.max()) < 1.0 else (1.0, "N.m.s")
     )
     fig, ax = figure()
-    seconds, time_unit = time_axis(held.times)
-    x = held.times / seconds
+    seconds, time_unit = time_axis(momentum_balance.times)
+    x = momentum_balance.times / seconds
     ax.plot(x, factor * fullest, COLOURS[0], width=1.4, label="with management")
     ax.plot(
         x,
@@ -671,27 +676,27 @@ def fired_impulse(times: Array, q: Array, torque: Array) -> Array:
 
 
 def unmanaged(
-    q: Array, impulse: Array, stored: Array, body: Any, managed: Array
+    q: Array, impulse: Array, wheel_momentum: Array, body: Any, managed: Array
 ) -> Array:
     """Compute the wheel momentum without management (rows, 3; N m s, body).
 
     It follows from the momentum of wheels (`stored`) and body (`body`), and from the
     external impulse and the impulse of management since the start (eci).
     """
-    first = rotate_back(q[:1], (stored + body)[:1])
+    first = rotate_back(q[:1], (wheel_momentum + body)[:1])
     without: Array = rotate(q, first + impulse - impulse[:1] - managed) - body
     return without
 
 
 def off_target(
-    times: Array, stored: Array, without: Array, target: Array
+    times: Array, wheel_momentum: Array, without: Array, target: Array
 ) -> tuple[float, float]:
     """Compute the rms distance of the wheels' momentum from its target (3,), N m s.
 
     Over the second half of the run: with management (`stored`), and without it.
     """
     late = times >= (times[0] + times[-1]) / 2.0
-    distance = np.linalg.norm(stored[late] - target, axis=1)
+    distance = np.linalg.norm(wheel_momentum[late] - target, axis=1)
     other = np.linalg.norm(without[late] - target, axis=1)
     return _rms(distance, times[late]), _rms(other, times[late])
 
@@ -723,15 +728,15 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
         return lines
     if _largest_late_error(parts, results) is not None:
         return lines
-    held = balance(manifest, results)
-    if held is None:
+    momentum_balance = balance(manifest, results)
+    if momentum_balance is None:
         return lines
     return lines + describe_effect(
         parts.manager,
-        held.times,
-        held.stored,
-        held.without,
-        held.target,
+        momentum_balance.times,
+        momentum_balance.stored,
+        momentum_balance.without,
+        momentum_balance.target,
         parts.deadband,
         _capacity(manifest.values_of(parts.wheels or "")),
     )
@@ -791,7 +796,7 @@ def describe_braking(manager: str, omega: Array) -> list[str]:
 def describe_effect(
     manager: str,
     times: Array,
-    stored: Array,
+    wheel_momentum: Array,
     without: Array,
     target: Array,
     deadband: float,
@@ -803,14 +808,14 @@ def describe_effect(
     and the capacity of the smallest wheel.
     """
     share = removed_share(
-        times, stored, without, target, max(deadband, SMALL * capacity)
+        times, wheel_momentum, without, target, max(deadband, SMALL * capacity)
     )
     if share is not None and share < NOTHING:
         return [
             f"management: {manager} is on and takes out {100.0 * share:.2g} % of "
             "what comes in: it does nothing"
         ]
-    deviation, unmanaged_deviation = off_target(times, stored, without, target)
+    deviation, unmanaged_deviation = off_target(times, wheel_momentum, without, target)
     if (
         deviation
         <= (1.0 + ALIKE) * max(unmanaged_deviation, deadband) + SMALL * capacity
@@ -823,7 +828,11 @@ def describe_effect(
 
 
 def removed_share(
-    times: Array, stored: Array, without: Array, target: Array, negligible: float
+    times: Array,
+    wheel_momentum: Array,
+    without: Array,
+    target: Array,
+    negligible: float,
 ) -> float | None:
     """Compute the momentum that management removes over the incoming momentum.
 
@@ -833,12 +842,12 @@ def removed_share(
     """
     if times[-1] - times[0] < LONG_ENOUGH:
         return None
-    begin = float(np.sqrt(((stored[0] - target) ** 2).sum()))
+    begin = float(np.sqrt(((wheel_momentum[0] - target) ** 2).sum()))
     gained = without - without[0]
     brought = max(begin, float(np.linalg.norm(gained, axis=1).max()))
     if brought <= negligible or brought == 0.0:
         return None
-    return float(np.linalg.norm(stored - without, axis=1).max()) / brought
+    return float(np.linalg.norm(wheel_momentum - without, axis=1).max()) / brought
 
 
 def _wheels_of(manifest: Manifest, parts: ManagementParts) -> Values:

@@ -92,13 +92,13 @@ class SubstepChoice:
     @classmethod
     def from_json(cls, document: JsonObject) -> SubstepChoice:
         """Read it from a manifest."""
-        seen = document["reached"]
+        reached_range = document["reached"]
         tried = {int(n): e for n, e in document["tried"].items()}
         return cls(
             **{
                 **document,
                 "tried": tried,
-                "reached": seen and tuple(seen),
+                "reached": reached_range and tuple(reached_range),
                 "crossed": tuple(document.get("crossed", ())),
             }
         )

@@ -200,14 +200,14 @@ def feeds(system: System, body: str) -> Feeds | None:
     interface = component.interface
     if not is_known_body(system, body):
         return None
-    fed: Feeds = {}
+    feeds_found: Feeds = {}
     for name in INPUTS:
         signals = interface.arrays.get(name, ())
         wires = [
             c for c in system.connections if c.target == body and c.input_array == name
         ]
         if not wires:
-            fed[name] = [component.values[s.name] for s in signals]
+            feeds_found[name] = [component.values[s.name] for s in signals]
             continue
         wire = wires[0]
         source = system.components[wire.source]
@@ -223,12 +223,12 @@ def feeds(system: System, body: str) -> Feeds | None:
             and signal.unit_name == signals[0].unit_name
         ):
             return None
-        fed[name] = series.pop()
-    return fed
+        feeds_found[name] = series.pop()
+    return feeds_found
 
 
 def recorded_inputs(
-    results: Results, fed: Feeds, rows: slice
+    results: Results, feeds: Feeds, rows: slice
 ) -> dict[str, Array] | None:
     """Return the inputs of a body in these steps of a run, (steps, elements) each.
 
@@ -236,13 +236,13 @@ def recorded_inputs(
     """
     n = rows.stop - rows.start
     series_names = set(results.names())
-    if not {x for x in fed.values() if isinstance(x, str)} <= series_names:
+    if not {x for x in feeds.values() if isinstance(x, str)} <= series_names:
         return None
     return {
         name: np.reshape(results.values(f, rows), (n, -1))
         if isinstance(f, str)
         else np.broadcast_to(np.array(f, dtype=float), (n, len(f)))
-        for name, f in fed.items()
+        for name, f in feeds.items()
     }
 
 

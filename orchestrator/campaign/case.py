@@ -78,9 +78,9 @@ def _ran(plan: CampaignPlan, values: Mapping[str, Drawn], supervised: bool) -> C
     plots = content_of(system(plan).about).plots
     chosen = {name: plots[name] for name in plan.curves}
     signals = [signal for plot in chosen.values() for signal in plot.signals]
-    ended = ran(cases_of(plan), options, values, signals, look, plan.sample_values)
+    row = ran(cases_of(plan), options, values, signals, look, plan.sample_values)
     return CaseRow(
-        **{**vars(ended), "described": {**ended.described, **numbers}}, curves=curves
+        **{**vars(row), "described": {**row.described, **numbers}}, curves=curves
     )
 
 

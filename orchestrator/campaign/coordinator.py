@@ -293,20 +293,20 @@ def _make(
         attempts[numbers[0]] = attempt = attempts.get(numbers[0], 1) + 1
         return [task(numbers, attempt)] if attempt <= _TRIES else []
 
-    written = time.monotonic()
+    write_time = time.monotonic()
     with shown("cases", at.count, progress, at.done) as tell:
         tasks = map(task, _together(list(rows.missing()), sizes))
         for numbers, result in results(workers, tasks, again):
             if isinstance(result, NoResult):
                 lost_row = _without_row(plan, numbers[0], result)
                 result = store.Batch.of([replace(lost_row, versions=versions)])
-            stored = rows.add(result)
-            sizes.learn(stored)
-            at.done += len(stored)
-            at.failed += sum(not row.completed for row in stored)
+            rows_stored = rows.add(result)
+            sizes.learn(rows_stored)
+            at.done += len(rows_stored)
+            at.failed += sum(not row.completed for row in rows_stored)
             tell(at.done, f"{at.failed} failed, {at.rate:.1f} a second")
-            if time.monotonic() - written > _EACH:
-                written = time.monotonic()
+            if time.monotonic() - write_time > _EACH:
+                write_time = time.monotonic()
                 write_json(folder / STATUS, at.as_json("running"))
 
 

@@ -31,7 +31,7 @@ def of_campaign(folder: Path, curves: bool = False) -> xr.Dataset:
     """
     plan = read(folder)
     cases = store.read(folder, columns=["case"])["case"].to_numpy()
-    described = store.described(folder)
+    descriptions = store.described(folder)
     variables: dict[str, xr.Variable] = {}
     for field in () if curves else store.schema(folder):
         if field.name == "case":
@@ -40,7 +40,7 @@ def of_campaign(folder: Path, curves: bool = False) -> xr.Dataset:
             (len(cases),), _dtype(field.type), _column(folder, field.name, cases)
         )
         # drawn arrays are described as a whole, but have a column per element
-        description = described.get(
+        description = descriptions.get(
             field.name.removeprefix("out.").partition("[")[0], {}
         )
         variables[field.name] = lazy.variable(
@@ -52,7 +52,7 @@ def of_campaign(folder: Path, curves: bool = False) -> xr.Dataset:
         )
     for name in plan.curves if curves else ():
         lazy = Lazy((len(cases), POINTS), float, _envelopes(folder, name, cases))
-        description = described.get(f"curve.{name}", {})
+        description = descriptions.get(f"curve.{name}", {})
         variables[f"curve.{name}"] = lazy.variable(
             ("case", "part"),
             {

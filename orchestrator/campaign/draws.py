@@ -402,8 +402,8 @@ def whole_numbers(target: str, **entry: tuple[Any, int]) -> None:
 def summary(rows: Sequence[RunRow], late: Collection[str]) -> dict[str, Spread]:
     """Compute the `spreads` of each number of the draws that completed."""
     completed = [r for r in rows if r.completed]
-    described = completed[0].described if completed else {}
-    units = {name: d["unit"] for name, d in described.items()}
+    descriptions = completed[0].described if completed else {}
+    units = {name: d["unit"] for name, d in descriptions.items()}
     return spreads([r.numbers for r in completed], units, late)
 
 

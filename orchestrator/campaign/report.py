@@ -158,7 +158,7 @@ def summary(folder: Path) -> CampaignSummary:
         )
         for name, values in out.items()
     }
-    failed = [
+    failed_rows = [
         store.CaseRow(row["status"], row["code"], row["message"], number=row["case"])
         for row in table.filter(~completed).to_pylist()
     ]
@@ -184,7 +184,7 @@ def summary(folder: Path) -> CampaignSummary:
         count=plan.count,
         done=len(cases),
         completed=int(completed.sum()),
-        failed=failed,
+        failed=failed_rows,
         changed=changed(plan),
         versions=_versions(table["versions"].to_pylist()),
         seconds=float(np.nansum(flat(table["seconds"]))),
@@ -443,7 +443,7 @@ def _figures(
     figures = [*_curves(folder, plan)]
     table = store.read(folder)
     good = _completed_cases(table)
-    described = store.described(folder)
+    descriptions = store.described(folder)
     strongest = {d.number: d for d in reversed(summarised.drivers)}  # by number
     for driver in sorted(strongest.values(), key=lambda d: -abs(d.correlation))[
         :_SCATTERS
@@ -453,7 +453,9 @@ def _figures(
         spread = summarised.numbers[driver.number]
         caption = f"{spread.title} over {driver.input}, rank correlation {driver.correlation:.2f}"
         label = axis_label(_short(spread.title or ""), spread.unit or "", 2.4)
-        unit = described.get(f"in.{driver.input.partition('[')[0]}", {}).get("unit", "")
+        unit = descriptions.get(f"in.{driver.input.partition('[')[0]}", {}).get(
+            "unit", ""
+        )
         below = axis_label(_of_input(plan, driver.input), unit, 6.0)
         figures.append(
             _PageFigure(caption, scattered({"": (x, y)}, below, label, size=2.0))

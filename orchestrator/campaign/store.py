@@ -216,11 +216,11 @@ class Batch:
     def of(cls, rows: Iterable[CaseRow]) -> Batch:
         """Build a batch of rows of at most one block."""
         lines: list[str] = []
-        described: dict[str, dict[str, str]] = {}
+        descriptions: dict[str, dict[str, str]] = {}
         for row in rows:
             lines.append(row.to_line())
-            described.update(row.described)
-        return cls(lines, described)
+            descriptions.update(row.described)
+        return cls(lines, descriptions)
 
 
 class Store:

@@ -252,14 +252,17 @@ def _build(command: tuple[str, ...], library: Path) -> None:
     library.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=library.parent) as folder:
         part = Path(folder) / library.name
-        done = subprocess.run(
+        compilation = subprocess.run(
             [*command, *FLAGS, "-o", str(part), str(SOURCE), "-lm"],
             capture_output=True,
             text=True,
             check=False,
         )
-        if done.returncode:
-            error = (done.stderr.strip().splitlines() or [f"exit {done.returncode}"])[0]
+        if compilation.returncode:
+            error = (
+                compilation.stderr.strip().splitlines()
+                or [f"exit {compilation.returncode}"]
+            )[0]
             raise NotCompiledError(
                 f"{shlex.join(command)} does not compile {SOURCE.name}: {error}"
             )

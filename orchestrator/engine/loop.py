@@ -115,8 +115,12 @@ def run(
         finally:
             seconds = time.perf_counter() - began
             steps.seconds += seconds
-        taken = master.k - first  # a chunk that ends early must not grow without bound
-        chunk = max(1, min(2 * taken, int(taken * 0.05 / max(seconds, 1e-6))))
+        steps_taken = (
+            master.k - first
+        )  # a chunk that ends early must not grow without bound
+        chunk = max(
+            1, min(2 * steps_taken, int(steps_taken * 0.05 / max(seconds, 1e-6)))
+        )
         recorder.tick()
         report(master.k)
         if checkpoints is not None and checkpoints.due():

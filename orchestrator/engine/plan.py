@@ -222,13 +222,13 @@ class Plan:
         They are of the components whose own step ends there: all outputs, or with
         Gauss-Seidel the states alone, as interval outputs were handed on before.
         """
-        done = [m for m in self._members.values() if (part + 1) % m.every == 0]
-        if len(done) == len(self._members):
+        members_done = [m for m in self._members.values() if (part + 1) % m.every == 0]
+        if len(members_done) == len(self._members):
             return self._outputs.all_fresh()
         output_class: Literal["state", "all"] = "state" if self._gauss_seidel else "all"
         return [
             show
-            for member in done
+            for member in members_done
             for show in self._outputs.fresh_of(member, output_class)
         ]
 

@@ -332,10 +332,10 @@ class Composite:
 
     def _pulled(self, member: Node) -> Iterator[str]:
         """Yield the calls that read a component's outputs and publish them at once."""
-        taken = (
+        pulled_values = (
             self._pull(member) if member.name in self._parts else self._settings(member)
         )
-        if name := self._function(taken, f"pull_{member.name}"):
+        if name := self._function(pulled_values, f"pull_{member.name}"):
             yield f"    {name}(c);"
         yield from self._calls(self._master.shown(member))
 

@@ -306,9 +306,9 @@ def _outputs_of(system: System, ends: LoopEnds) -> list[tuple[str, Signal]]:
     outputs = _matching(system, names, "output", "--outputs", ends.without)
     if not ends.reals:
         return outputs
-    named = {n for n in ends.outputs if not set(n) & set("*?[")}
+    plain_names = {n for n in ends.outputs if not set(n) & set("*?[")}
     for component, signal in outputs:
-        if signal.kind != "Real" and f"{component}.{signal.array}" in named:
+        if signal.kind != "Real" and f"{component}.{signal.array}" in plain_names:
             raise DesatError(
                 f"--reals: {component}.{signal.array} is of type {signal.kind}"
             )
@@ -362,20 +362,20 @@ def _variables(
     master: Master, system: System, ends: LoopEnds, outputs: list[tuple[str, Signal]]
 ) -> Iterator[Scalars]:
     """Yield the variables of the loop, parameters last as in a block."""
-    fed = {(c.target, c.input) for c in system.connections}
+    fed_inputs = {(c.target, c.input) for c in system.connections}
     live = {
         (s.component, s.signal.name): master.live[s.kind][s.index] for s in master.slots
     }
     inputs: list[tuple[str, Signal]] = []
-    taken: list[tuple[str, Signal]] = []
+    inputs_taken: list[tuple[str, Signal]] = []
     for name in ends.without:
         member = master.members[name]
         inputs += [(name, slot.signal) for of in member.slots.values() for slot in of]
         signals = member.component.interface.signals
-        taken += [
+        inputs_taken += [
             (name, signals[c.input]) for of in member.incoming.values() for _, c in of
         ]
-    for name, signal in taken if ends.reals else ():
+    for name, signal in inputs_taken if ends.reals else ():
         if signal.kind != "Real":
             raise DesatError(
                 f"--reals: {name}.{signal.array}, which --without makes an output, is of "
@@ -383,7 +383,7 @@ def _variables(
             )
     open_ = _matching(system, ends.inputs, "input", "--inputs", ends.without)
     for name, signal in open_:
-        if (name, signal.name) in fed:
+        if (name, signal.name) in fed_inputs:
             raise DesatError(
                 f"--inputs {name}.{signal.array}: something in the loop feeds it"
             )
@@ -412,7 +412,7 @@ def _variables(
             )
 
     yield from grouped([*inputs, *open_], "input")
-    yield from grouped([*taken, *outputs], "output")
+    yield from grouped([*inputs_taken, *outputs], "output")
     plain = [p for p in ends.parameters if not p.startswith("shared.")]
     yield from grouped(
         _matching(system, plain, "parameter", "--parameters", ends.without),

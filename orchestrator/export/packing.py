@@ -138,7 +138,7 @@ def pack(
     connections = (
         _whole_arrays(system) if arrays else list(map(_ends, system.connections))
     )
-    wired = {end for pair in connections for end in pair}
+    wired_ends = {end for pair in connections for end in pair}
     members: dict[str, bytes] = {}
     root = etree.Element(
         f"{{{SSD}}}SystemStructureDescription",
@@ -169,7 +169,7 @@ def pack(
             implementation="CoSimulation",
             source=source,
         )
-        _list_connectors(element, component, wired)
+        _list_connectors(element, component, wired_ends)
         if component.parameters:
             file = f"resources/{component.name}.ssv"
             members[file] = _parameter_set(component, arrays)
@@ -240,14 +240,14 @@ def _whole_arrays(system: System) -> list[_Ends]:
 
 
 def _list_connectors(
-    element: Any, component: Component, wired: Collection[tuple[str, str]]
+    element: Any, component: Component, wired_ends: Collection[tuple[str, str]]
 ) -> None:
     """Add the connectors of a component that connections use."""
     interface = component.interface
     listed = [
         (name, of)
         for name, of in interface.elements.items()
-        if (component.name, name) in wired
+        if (component.name, name) in wired_ends
     ]
     if not listed:  # SSP does not allow an empty list
         return
@@ -443,10 +443,10 @@ def text(path: Path) -> str:
         f"  <ssd:System name={name}{about}>",
         "    <ssd:Elements>",
     ]
-    wired = {(c.target, c.input) for c in draft.connections}
-    wired |= {(c.source, c.output) for c in draft.connections}
+    wired_ends = {(c.target, c.input) for c in draft.connections}
+    wired_ends |= {(c.source, c.output) for c in draft.connections}
     for component in draft.components.values():
-        lines += _component_lines(component, wired)
+        lines += _component_lines(component, wired_ends)
     lines += ["    </ssd:Elements>", "    <ssd:Connections>"]
     lines += [
         f"      <ssd:Connection startElement={quoteattr(c.source)}"
@@ -463,7 +463,9 @@ def text(path: Path) -> str:
     return "\n".join([*lines, "</ssd:SystemStructureDescription>"]) + "\n"
 
 
-def _component_lines(component: Component, wired: Set[tuple[str, str]]) -> list[str]:
+def _component_lines(
+    component: Component, wired_ends: Set[tuple[str, str]]
+) -> list[str]:
     """Return the lines of a component, with the connectors that are wired."""
     interface = component.interface
     lines = [
@@ -475,7 +477,7 @@ def _component_lines(component: Component, wired: Set[tuple[str, str]]) -> list[
             f"          <ssd:Connector name={quoteattr(s.name)} kind={quoteattr(s.causality)}>"
             f"<ssc:{s.kind}/></ssd:Connector>"
             for s in (*interface.inputs, *interface.outputs)
-            if (component.name, s.name) in wired
+            if (component.name, s.name) in wired_ends
         ),
         "        </ssd:Connectors>",
     ]

@@ -126,7 +126,7 @@ def _structs(run: Run) -> tuple[dict[str, Any], str]:
     rows = min((results.count(n) for n in results.names()), default=0)
     structs: dict[str, Any] = {"time": times, "interval": times[:rows]}
     fields: dict[str, str] = {}
-    changed = []
+    renamed_series = []
     for name in results.names():
         component, _, variable = name.partition(".")
         if component not in fields:
@@ -138,11 +138,11 @@ def _structs(run: Run) -> tuple[dict[str, Any], str]:
         struct["units"][field] = results.attribute(name, "unit") or "1"
         if (fields[component], field) != (component, variable):
             struct["names"][field] = name
-            changed.append(f"{plain(name)} is {fields[component]}.{field}")
+            renamed_series.append(f"{plain(name)} is {fields[component]}.{field}")
     for field in fields.values():
         if not structs[field]["names"]:
             del structs[field]["names"]
-    return structs, "; ".join(changed)
+    return structs, "; ".join(renamed_series)
 
 
 def _field(name: str, used: Container[str]) -> str:
@@ -150,14 +150,14 @@ def _field(name: str, used: Container[str]) -> str:
 
     MATLAB allows ASCII letters, digits and `_`, 63 characters, a letter first.
     """
-    allowed = re.sub(r"\W", "_", name, flags=re.ASCII)
-    if not allowed[:1].isalpha():
-        allowed = f"x{allowed}"
-    allowed = allowed[:63]
-    field, number = allowed, 1
+    field_name = re.sub(r"\W", "_", name, flags=re.ASCII)
+    if not field_name[:1].isalpha():
+        field_name = f"x{field_name}"
+    field_name = field_name[:63]
+    field, number = field_name, 1
     while field in used:
         number += 1
-        field = f"{allowed[: 62 - len(str(number))]}_{number}"
+        field = f"{field_name[: 62 - len(str(number))]}_{number}"
     return field
 
 

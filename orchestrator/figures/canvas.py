@@ -768,8 +768,10 @@ def logarithmic(low: float, high: float, most: int) -> Ticks:
         if last - first > _FEW:
             continue
         for digit in range(2, 10):
-            named = inside < 2 and digit in (2, 5)
-            ticks.append((digit * 10.0**k, f"{digit}×10{raised(k)}" if named else ""))
+            has_label = inside < 2 and digit in (2, 5)
+            ticks.append(
+                (digit * 10.0**k, f"{digit}×10{raised(k)}" if has_label else "")
+            )
     within = [(v, t) for v, t in ticks if low * (1 - 1e-9) <= v <= high * (1 + 1e-9)]
     return Ticks(tuple(v for v, _ in within), tuple(t for _, t in within))
 

@@ -387,8 +387,10 @@ def timeline(
 
 def _strips(results: Results) -> Iterator[Strip]:
     """Yield the strips of a run, over times in s."""
-    named = [(s, choices) for s in results.names() if (choices := results.choices(s))]
-    for row, (signal, choices) in enumerate(named):
+    series_with_choices = [
+        (s, choices) for s in results.names() if (choices := results.choices(s))
+    ]
+    for row, (signal, choices) in enumerate(series_with_choices):
         for value, spans in bands(results.times(), results.values(signal)):
             name = choices[value] if 0 <= value < len(choices) else str(value)
             label = f"{signal.partition('.')[2]}: {name.replace('_', ' ')}"
@@ -413,11 +415,11 @@ def bands(
     strips = []
     for value in values_[np.argsort(-counts, kind="stable")]:
         spans: list[tuple[float, float]] = []
-        held = np.flatnonzero(values == value)
-        breaks = np.flatnonzero(np.diff(held) > 1)
+        rows_at_value = np.flatnonzero(values == value)
+        breaks = np.flatnonzero(np.diff(rows_at_value) > 1)
         firsts, lasts = (
-            held[np.append(0, breaks + 1)],
-            held[np.append(breaks, len(held) - 1)],
+            rows_at_value[np.append(0, breaks + 1)],
+            rows_at_value[np.append(breaks, len(rows_at_value) - 1)],
         )
         for first, last in zip(firsts, lasts, strict=True):
             begin, end = float(starts[first]), float(ends[last])

@@ -111,13 +111,13 @@ def _dependency_fault(elf: Any, folder: Path, seen: frozenset[str] = _NONE) -> s
 @lru_cache(maxsize=256)
 def _find_libraries(names: tuple[str, ...]) -> list[str]:
     """Return the files of system libraries; an empty text for one that is missing."""
-    done = subprocess.run(
+    listing = subprocess.run(
         [sys.executable, "-I", "-S", "-c", _LOADER, *names],
         capture_output=True,
         text=True,
         check=False,
     )
-    return done.stdout.splitlines()
+    return listing.stdout.splitlines()
 
 
 @lru_cache(maxsize=256)

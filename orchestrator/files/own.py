@@ -105,7 +105,7 @@ def _build(file: Path, target: Path, platforms: str) -> None:
     try:
         # a separate process, because building spawns others, which need an importable
         # script
-        done = subprocess.run(
+        build_process = subprocess.run(
             [
                 sys.executable,
                 "-m",
@@ -121,8 +121,8 @@ def _build(file: Path, target: Path, platforms: str) -> None:
             check=False,
             env={**os.environ, "TMPDIR": str(temporary)},
         )
-        if done.returncode:
-            last = (done.stderr.strip().splitlines() or ["no message"])[-1]
+        if build_process.returncode:
+            last = (build_process.stderr.strip().splitlines() or ["no message"])[-1]
             raise DesatError(last.removeprefix("error: "))
         if not (part / INDEX).exists():
             raise DesatError(

@@ -172,14 +172,14 @@ def _build() -> Path:
                 print(f"building the FMUs, this once, into {folder}", file=sys.stderr)
             # a separate process, because building spawns others, which need an importable
             # script
-            done = subprocess.run(
+            build_process = subprocess.run(
                 [sys.executable, "-m", "desat.fmus.build", "--into", str(part)],
                 capture_output=True,
                 text=True,
                 check=False,
             )
-            if done.returncode:
-                last = (done.stderr.strip().splitlines() or ["no message"])[-1]
+            if build_process.returncode:
+                last = (build_process.stderr.strip().splitlines() or ["no message"])[-1]
                 raise DesatError(f"{folder}: our FMUs could not be built: {last}")
             part.replace(folder)
         finally:

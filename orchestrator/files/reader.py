@@ -121,8 +121,8 @@ def _design(source: str, place: str) -> scenario.DesignFile:
     try:
         return build_complete(scenario.DesignFile, parsed(source, place))
     except WrongError as wrong:
-        named = ((".".join(path), text) for path, text in wrong.problems)
-        lines = [": ".join(filter(None, (at(place, k), k, t))) for k, t in named]
+        problems = ((".".join(path), text) for path, text in wrong.problems)
+        lines = [": ".join(filter(None, (at(place, k), k, t))) for k, t in problems]
         raise DesatError("\n".join(lines)) from wrong
 
 

@@ -422,8 +422,8 @@ def _table(file: Path, place: str, _: object) -> TomlTable:
     try:
         read(ScenarioFile, data, part=True)
     except WrongError as wrong:
-        named = [(".".join(path), text) for path, text in wrong.problems]
-        lines = [f"{at(place, key)}: {key}: {text}" for key, text in named]
+        problems = [(".".join(path), text) for path, text in wrong.problems]
+        lines = [f"{at(place, key)}: {key}: {text}" for key, text in problems]
         raise DesatError("\n".join(lines)) from wrong
     return data
 

@@ -63,14 +63,16 @@ class Cases:
             return self._first[key]
         first = self._first[key]
         system, _ = first.or_raise()
-        changed = _changed(system, options.values)
-        if changed is None:
+        changed_components = _changed(system, options.values)
+        if changed_components is None:
             return prepare(self.scenario, options)
-        system = replace(system, components={**system.components, **changed})
-        part = replace(system, components=changed)
+        system = replace(system, components={**system.components, **changed_components})
+        part = replace(system, components=changed_components)
         if [*without_effect(part, first.unwired), *foresee(part, first.unwired)[0]]:
             return prepare(self.scenario, options)  # reports problems in the usual way
-        manifest = first.manifest and first.manifest.varied(system, changed.values())
+        manifest = first.manifest and first.manifest.varied(
+            system, changed_components.values()
+        )
         return replace(first, options=options, system=system, manifest=manifest)
 
 
@@ -83,11 +85,13 @@ def draft_to_draw(scenario: Scenario, blocks: bool) -> Draft:
         If there are problems with it, or with its dispersions.
     """
     draft = build(scenario, Options(blocks=blocks))
-    described = described_by(draft, scenario)
-    if described is not None and not draft.problems:
-        problems = validation.content_problems(described.content, draft.components)
+    scenario_described = described_by(draft, scenario)
+    if scenario_described is not None and not draft.problems:
+        problems = validation.content_problems(
+            scenario_described.content, draft.components
+        )
         draft.problems += [
-            f"{described.place(path)}: {text}"
+            f"{scenario_described.place(path)}: {text}"
             for path, text in problems
             if "dispersions" in path
         ]
@@ -106,7 +110,7 @@ def _changed(system: System, values: Values) -> dict[str, Component] | None:
         content_of(system.about).written.get(k)
         for k in ("numbers", "stop_when", "design")
     ]
-    named = set(re.findall(r"\w+", " ".join([*texts, repr(entries)])))
+    words = set(re.findall(r"\w+", " ".join([*texts, repr(entries)])))
     parameters: dict[str, dict[str, Scalar]] = {}
     for name, value in values.items():
         owner, _, variable = name.partition(".")
@@ -117,7 +121,7 @@ def _changed(system: System, values: Values) -> dict[str, Component] | None:
         if (
             any(s.shared for s in signals)
             or variable.endswith("sample_time")
-            or (variable == "delay" or base_name(variable) in named)
+            or (variable == "delay" or base_name(variable) in words)
         ):
             return None
         try:

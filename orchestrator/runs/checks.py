@@ -167,40 +167,40 @@ def content_problems(case: Case) -> Iterator[str]:
     That of a packed system was fit to it when it was packed. Where options replace
     FMUs, it is the system without these.
     """
-    described = case.described
-    if described is None:
+    source = case.described
+    if source is None:
         return
-    content, components, system = described.content, None, None
-    if not described.is_system_file and case.options.sources:
+    content, components, system = source.content, None, None
+    if not source.is_system_file and case.options.sources:
         own = Options(blocks=case.options.blocks)
         components = build(case.scenario, own).components
-    elif not described.is_system_file:
+    elif not source.is_system_file:
         components = case.draft.components
         system = case.system if case.schedule else None
     for path, text in validation.content_problems(content, components, system):
-        yield f"{described.place(path)}: {text}"
+        yield f"{source.place(path)}: {text}"
 
 
 def left_out(case: Case) -> Iterator[str]:
     """Leave out the entries of a scenario that replaced FMUs do not support."""
-    described, system = case.described, case.system
+    source, system = case.described, case.system
     is_replaced = case.scenario.is_system_file or case.options.sources
-    if described is None or system is None or case.problems or not is_replaced:
+    if source is None or system is None or case.problems or not is_replaced:
         return
-    content, omitted = validation.fit_to(described.content, system)
+    content, omitted = validation.fit_to(source.content, system)
     case.system = replace(system, about=content)
     for path, text in omitted:
-        yield f"{described.place(path)}: {text}"
+        yield f"{source.place(path)}: {text}"
 
 
 def design_warnings(case: Case) -> Lines:
     """Yield a line if a stored design was made for other values."""
-    described = case.described
-    if described is not None and case.scenario.is_system_file:
-        described = of_its_file(described.name)
-    if case.options.design is not None or described is None or case.system is None:
+    source = case.described
+    if source is not None and case.scenario.is_system_file:
+        source = of_its_file(source.name)
+    if case.options.design is not None or source is None or case.system is None:
         return ()
-    return provider().warnings(described, case.options, case.system)
+    return provider().warnings(source, case.options, case.system)
 
 
 def exchange_warnings(case: Case) -> Iterator[str]:

@@ -51,16 +51,18 @@ def write_craft(
     craft.check_folder(folder, force)
     with TemporaryDirectory() as place:
         draft = Path(place) / folder.absolute().name
-        written = craft.write(draft, facts, command)
+        files_written = craft.write(draft, facts, command)
         if _dipole_opposes(resolved(str(draft), Options())[0]):
-            written = craft.write(draft, facts, command, force=True, dipole_sign=-1.0)
+            files_written = craft.write(
+                draft, facts, command, force=True, dipole_sign=-1.0
+            )
         checked = check(str(draft), Options())
         if checked.problems:
             text = "\n".join(checked.problems)
             raise DesatError(text.replace(str(draft), shown(folder)))
-        files = _moved(written.files, folder)
+        files = _moved(files_written.files, folder)
     warnings = [x.replace(str(draft), shown(folder)) for x in checked.warnings]
-    return NewCraft(files, written.assumptions), warnings
+    return NewCraft(files, files_written.assumptions), warnings
 
 
 def _moved(drafts: tuple[Path, ...], folder: Path) -> tuple[Path, ...]:

@@ -194,7 +194,7 @@ def _choice_for_all(
             return None
         choices.append(choice)
     largest = max(choices, key=lambda c: c.substeps)
-    seen = [c.reached for c in choices if c.reached is not None]
+    ranges = [c.reached for c in choices if c.reached is not None]
     return replace(
         largest,
         # with more substeps the errors of the others fall, at least in proportion
@@ -202,7 +202,7 @@ def _choice_for_all(
             (c.estimate or 0.0) * c.substeps / largest.substeps for c in choices
         ),
         steps=0,  # none of these steps is a case's
-        reached=tuple(map(max, *seen)),
+        reached=tuple(map(max, *ranges)),
         crossed=tuple(map(max, *(c.crossed for c in choices))),
         flown=sum(c.flown for c in choices),
         seconds=sum(c.seconds for c in choices),

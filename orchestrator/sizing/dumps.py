@@ -864,12 +864,12 @@ def _course_of_fill(
         removed[1:] = np.cumsum([u for _, _, u in dumps], axis=0)
     count = np.searchsorted(begun, times, side="left")
     gained = flight.disturbance - flight.disturbance[0]
-    held = rotate(flight.q, total + gained - removed[count])
-    held = held - flight.body - law.target
+    momentum_body = rotate(flight.q, total + gained - removed[count])
+    momentum_body = momentum_body - flight.body - law.target
     fill = (
-        np.abs(held @ hardware.spread().T).max(axis=1)
+        np.abs(momentum_body @ hardware.spread().T).max(axis=1)
         if law.of_wheels
-        else np.linalg.norm(held, axis=1)
+        else np.linalg.norm(momentum_body, axis=1)
     )
     return DumpCourse(times, fill, begun)
 
@@ -940,11 +940,11 @@ def _course(
     begun, dumps = -float(times[row]), 0
     while dumps < most and begun < LONGEST:
         momentum = total + gained[row:] - gained[row]
-        held = rotate(flight.q[row:], momentum) - flight.body[row:] - target
+        momentum_body = rotate(flight.q[row:], momentum) - flight.body[row:] - target
         fill = (
-            np.abs(held @ spread.T).max(axis=1)
+            np.abs(momentum_body @ spread.T).max(axis=1)
             if law.of_wheels
-            else np.linalg.norm(held, axis=1)
+            else np.linalg.norm(momentum_body, axis=1)
         )
         full = fill >= begin
         if not full.any():
@@ -963,8 +963,8 @@ def _course(
             if not dumps and begun >= 3.0 * span and _stays(flight, law, fill):
                 return
             continue
-        k = _begins(law, held, fill, times[row:], int(np.argmax(full)))
-        out = _taken(law, held[k], float(fill[k]), spread, target)
+        k = _begins(law, momentum_body, fill, times[row:], int(np.argmax(full)))
+        out = _taken(law, momentum_body[k], float(fill[k]), spread, target)
         if not out.any():
             return  # less than the shortest pulse
         inertial = rotate_back(flight.q[row + k : row + k + 1], out[None])[0]
@@ -974,7 +974,7 @@ def _course(
 
 
 def _taken(
-    law: ThresholdLaw, held: Array, fill: float, spread: Array, target: Array
+    law: ThresholdLaw, momentum_body: Array, fill: float, spread: Array, target: Array
 ) -> Array:
     """Return the momentum (3,) N m s, body, that a dump by the law's block removes.
 
@@ -983,7 +983,7 @@ def _taken(
     block = law.block
     block.begin = max(0.999 * fill, 1.001 * block.end)
     block.start()
-    remaining, t = held, 0.0
+    remaining, t = momentum_body, 0.0
     for _ in range(MOST_SAMPLES):
         a, b, c, d = (spread @ (remaining + target)).tolist()
         block.h_wheel = (a, b, c, d)
@@ -994,10 +994,12 @@ def _taken(
             block.tau_cmd_thruster_body
         )
         t += block.sample_time
-    return held - remaining
+    return momentum_body - remaining
 
 
-def _begins(law: ThresholdLaw, held: Array, fill: Array, times: Array, due: int) -> int:
+def _begins(
+    law: ThresholdLaw, momentum_body: Array, fill: Array, times: Array, due: int
+) -> int:
     """Return the row at which a dump begins that is due at row `due`.
 
     It begins at once, or where its momentum (rows, 3) lies near an axis, but at most
@@ -1006,7 +1008,7 @@ def _begins(law: ThresholdLaw, held: Array, fill: Array, times: Array, due: int)
     if law.aligned == 0.0:
         return due
     last = int(np.searchsorted(times, times[due] + law.longest_wait, side="right"))
-    waiting = held[due : max(last, due + 1)]
+    waiting = momentum_body[due : max(last, due + 1)]
     lies = np.abs(waiting).sum(axis=1) <= law.aligned * np.linalg.norm(waiting, axis=1)
     lies |= fill[due : due + len(waiting)] >= law.latest
     return due + (int(np.argmax(lies)) if lies.any() else len(waiting) - 1)

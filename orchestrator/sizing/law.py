@@ -170,10 +170,10 @@ def _ask_at_once(law: Law, samples: Samples) -> Array | None:
     times, inputs = samples
     state = vars(law.block)
     before = dict(state)
-    declared = {v.name for v in law.block.variables}
+    variable_names = {v.name for v in law.block.variables}
     try:
         state.update(_sample_of(inputs, 0))
-        memory = {k: x for k, x in state.items() if k not in declared}
+        memory = {k: x for k, x in state.items() if k not in variable_names}
         law.block.dump(times[0], times[0], UNITS[0])
         if any(state[k] != x for k, x in memory.items()):
             return None
@@ -224,13 +224,13 @@ def _ask_native(law: Law, samples: Samples) -> Array | None:
     valid = dict.fromkeys(signals.keys() & VALID, True)
     component = replace(component, parameters={**component.parameters, **valid})
     names = [name for name in inputs if name in elements]
-    fed = [s for name in ("h_wheel", *names) for s in elements[name]]
+    input_signals = [s for name in ("h_wheel", *names) for s in elements[name]]
     measured = [inputs[name] for name in names]
 
     def fly(h: Array) -> Array | None:
         """Return the dipoles (rows, 3) with momenta h of the wheels (rows, 4)."""
         values = np.hstack([h, *measured])
-        return rows_of(component, times, elements["m_cmd_body"], fed, values)
+        return rows_of(component, times, elements["m_cmd_body"], input_signals, values)
 
     turns = np.arange(len(times)) % len(wheels)
     dipoles = [fly(np.tile(h, (len(times), 1))) for h in wheels]
@@ -284,9 +284,9 @@ def _check_sample(law: Law, t: float) -> None:
 
     The block's inputs are those of the sample; its state is as before afterwards.
     """
-    state, declared = vars(law.block), {v.name for v in law.block.variables}
+    state, variable_names = vars(law.block), {v.name for v in law.block.variables}
     before = dict(state)
-    undeclared = [key for key in before if key not in declared]
+    undeclared = [key for key in before if key not in variable_names]
     answers, memories = [], []
     for h in MOMENTA:
         answers.append(np.array(law.block.dump(t, t, h)[1][0]))

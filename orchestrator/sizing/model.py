@@ -166,11 +166,11 @@ def fly(
         momenta = np.empty((end - begin, *total.shape))
         dipoles = np.zeros((end - begin, *total.shape[:2], spare.shape[1]))
         for k in range(begin, end):
-            turned = total @ to_eci[k]
-            momenta[k - begin] = turned
+            total_eci = total @ to_eci[k]
+            momenta[k - begin] = total_eci
             if k == steps:
                 break
-            excess = turned - away[k] + noise[k]
+            excess = total_eci - away[k] + noise[k]
             command = excess @ gain[k] + offset[k][:, None]
             if law.deadband > 0.0:
                 size = np.sqrt((excess * excess).sum(axis=2))

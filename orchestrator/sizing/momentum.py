@@ -93,8 +93,8 @@ def compute_wheel_needs(
     exists = hardware.capacity > 0.0
     capacity = hardware.capacity[exists]
     gained = flight.disturbance - flight.disturbance[0]
-    stored = np.abs(in_body_of(flight, gained) @ spread.T)[:, exists]
-    full = (stored >= capacity).any(axis=1)
+    wheel_momentum = np.abs(in_body_of(flight, gained) @ spread.T)[:, exists]
+    full = (wheel_momentum >= capacity).any(axis=1)
     since = flight.times - flight.times[0]
     if full.any():
         return momentum_needed, float(since[np.argmax(full)])
@@ -102,7 +102,7 @@ def compute_wheel_needs(
     # that the flight has shown.
     along = rotate(flight.q[:n], np.broadcast_to(torque, (n, 3)))
     rate = float(np.abs(along @ spread.T)[:, exists].max())
-    remaining = float((capacity - stored.max(axis=0)).min())
+    remaining = float((capacity - wheel_momentum.max(axis=0)).min())
     return momentum_needed, inf if rate == 0.0 else float(since[-1]) + remaining / rate
 
 

@@ -87,9 +87,9 @@ def doubts(system: System) -> list[str]:
 
 def closed_loop_only(system: System, options: Options) -> Iterator[str]:
     """Yield a line that names parameters set by options that the model lacks."""
-    changed = [x.partition("=")[0].strip() for x in options.sets] + [*options.values]
+    names_set = [x.partition("=")[0].strip() for x in options.sets] + [*options.values]
     names = []
-    for name in dict.fromkeys(changed):
+    for name in dict.fromkeys(names_set):
         owner, _, parameter = name.partition(".")
         component = system.components.get(owner)
         role = owner if component is None else component.interface.role

@@ -94,10 +94,10 @@ def _filled(run: MeasuredRun) -> float | None:
 
 def _stored(run: MeasuredRun) -> float | None:
     """Return the largest total wheel momentum (N m s), or None if it is not known."""
-    stored = management.stored(run.manifest, run.results)
-    if stored is None:
+    wheel_momentum = management.stored(run.manifest, run.results)
+    if wheel_momentum is None:
         return None
-    late = run.late(stored, run.results.times())
+    late = run.late(wheel_momentum, run.results.times())
     return float(np.linalg.norm(late, axis=1).max())
 
 

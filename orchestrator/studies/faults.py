@@ -657,7 +657,7 @@ def _outcome(
     """Summarise the samples of a contender under a fault."""
     reasons: list[str] = []
     values: list[float] = []
-    failed = 0
+    failed_samples = 0
     for row in rows:
         value = row.numbers.get(measured)
         lines = list(row.unmet) if row.completed else [row.message or row.status]
@@ -667,13 +667,13 @@ def _outcome(
             reached = row.numbers.get(name)
             if row.completed and (reached is None or reached > most):
                 lines.append(f"{name} is above {number(most)}")
-        failed += bool(lines)
+        failed_samples += bool(lines)
         reasons += [x.partition(":")[0] for x in lines]
         values.append(np.inf if value is None or not row.completed else value)
     middle = float(np.median(values)) if values else np.inf
     return FaultOutcome(
         len(rows),
-        failed,
+        failed_samples,
         middle if np.isfinite(middle) else None,
         tuple(dict.fromkeys(reasons)),
     )

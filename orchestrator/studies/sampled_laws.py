@@ -330,11 +330,11 @@ def _of_samples(
         for row in rows
         for reason in (row.unmet if row.completed else [row.message or row.status])
     ]
-    failed = sum(not row.completed or bool(row.unmet) for row in rows)
+    failed_samples = sum(not row.completed or bool(row.unmet) for row in rows)
     return SampledLaw(
         law,
         spreads_of_numbers,
-        failed,
+        failed_samples,
         tuple(dict.fromkeys(x.partition(":")[0] for x in reasons)),
     )
 

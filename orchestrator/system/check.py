@@ -19,17 +19,19 @@ from .refusal import REFUSES, explain
 
 def incomplete_inputs(system: System) -> Iterator[str]:
     """Find listed inputs of our roles without source or value, and arrays in part."""
-    wired = {(c.target, c.input) for c in system.connections}
+    wired_ends = {(c.target, c.input) for c in system.connections}
     for c in system.components.values():
         for connector in c.connectors.values():
             name = connector.name
-            has_value = (c.name, name) in wired or name in c.parameters
+            has_value = (c.name, name) in wired_ends or name in c.parameters
             if connector.kind == "input" and not has_value and c.interface.role:
                 yield (
                     f"{system.place}:{connector.line}: {c.name}.{name} is listed, but has "
                     "neither a connection nor a value"
                 )
-        for array, missing in _missing_elements(c, wired) if c.interface.role else ():
+        for array, missing in (
+            _missing_elements(c, wired_ends) if c.interface.role else ()
+        ):
             yield (
                 f"{system.place}:{c.line}: {c.name}.{array} is wired in part: "
                 f"{', '.join(missing)} has neither a connection nor a value"
@@ -38,11 +40,11 @@ def incomplete_inputs(system: System) -> Iterator[str]:
 
 def partial_inputs(system: System) -> Iterator[str]:
     """Find arrays of foreign FMUs that are wired or given in part, a line each."""
-    wired = {(c.target, c.input) for c in system.connections}
+    wired_ends = {(c.target, c.input) for c in system.connections}
     for c in system.components.values():
         if c.interface.role:
             continue
-        for array, missing in _missing_elements(c, wired):
+        for array, missing in _missing_elements(c, wired_ends):
             names = ", ".join(missing[:3]) + (" ..." if len(missing) > 3 else "")
             unknown = c.interface.fmi == "3.0" and any(
                 c.interface.signals[e].start is None for e in missing
@@ -56,7 +58,7 @@ def partial_inputs(system: System) -> Iterator[str]:
 
 
 def _missing_elements(
-    component: Component, wired: Set[tuple[str, str]]
+    component: Component, wired_ends: Set[tuple[str, str]]
 ) -> Iterator[tuple[str, list[str]]]:
     """Yield the arrays of inputs that are wired or given in part, and what is missing."""
     arrays: dict[str, list[str]] = defaultdict(list)
@@ -66,7 +68,7 @@ def _missing_elements(
         missing = [
             e
             for e in elements
-            if (component.name, e) not in wired and e not in component.parameters
+            if (component.name, e) not in wired_ends and e not in component.parameters
         ]
         if 0 < len(missing) < len(elements):
             yield array, missing
@@ -77,13 +79,13 @@ def unset_inputs(system: System) -> Iterator[str]:
 
     There is one line per component.
     """
-    wired = {(c.target, c.input) for c in system.connections}
+    wired_ends = {(c.target, c.input) for c in system.connections}
     for c in system.components.values():
         open_ = [
             name
             for name, connector in c.connectors.items()
             if connector.kind == "input"
-            and (c.name, name) not in wired
+            and (c.name, name) not in wired_ends
             and name not in c.parameters
             and not c.interface.role
         ]
@@ -264,7 +266,7 @@ def unwired(system: System) -> dict[str, Unwired]:
 
     `fault` is for the master and is left out.
     """
-    wired, read = system.fed, system.read
+    wired_inputs, read = system.fed, system.read
     result = {}
     for c in system.components.values():
         with_value = {base_name(name) for name in c.parameters}
@@ -272,7 +274,9 @@ def unwired(system: System) -> dict[str, Unwired]:
         outputs = dict.fromkeys(s.array for s in c.interface.outputs)
         result[c.name] = Unwired(
             tuple(
-                n for n in inputs if (c.name, n) not in wired and n not in with_value
+                n
+                for n in inputs
+                if (c.name, n) not in wired_inputs and n not in with_value
             ),
             tuple(n for n in outputs if (c.name, n) not in read and n != "fault"),
         )
@@ -285,13 +289,13 @@ def without_effect(system: System, open_ends: Mapping[str, Unwired]) -> Iterator
     There is one problem for each such variable and each variable that it needs but that
     is open.
     """
-    wired = system.fed
+    wired_inputs = system.fed
     for c in system.components.values():
         mine = open_ends[c.name]
         needed_by = {name: of[-1].needed_by for name, of in c.interface.arrays.items()}
         for name in (*mine.inputs_at_default, *mine.outputs_unread):
             for other in needed_by[name]:
-                if (c.name, other) in wired:
+                if (c.name, other) in wired_inputs:
                     user = f"{c.name}.{other} is wired and"
                 elif any(c.values[s.name] for s in c.interface.elements.get(other, ())):
                     user = f"{c.name}.{other}{_value_text(c, other)}"
@@ -338,12 +342,12 @@ def foresee(
             continue
         ends = open_ends[c.name]
         unwired = {*ends.inputs_at_default, *ends.outputs_unread}
-        wired = frozenset(c.interface.arrays.keys() - unwired)
+        wired_inputs = frozenset(c.interface.arrays.keys() - unwired)
         start_values = tuple(
             (c.interface.signals[n].reference, x) for n, x in c.parameters.items()
         )
         lines, refusal = _of_block(
-            c.model, start_values, system.start, system.stop, wired
+            c.model, start_values, system.start, system.stop, wired_inputs
         )
         for line in lines:
             warnings += explain(system, f"{c.name}: {REFUSES}{line}")
@@ -405,7 +409,7 @@ def _of_block(
     start_values: tuple[tuple[int, Scalar], ...],
     begin: float,
     end: float,
-    wired: frozenset[str],
+    wired_inputs: frozenset[str],
 ) -> tuple[tuple[str, ...], str]:
     """Return what a block foresees with these values, and what it refuses.
 
@@ -421,7 +425,7 @@ def _of_block(
         return (), ""
     lines: list[str] = []
     try:
-        lines += block.foresee(begin, end, wired)
+        lines += block.foresee(begin, end, wired_inputs)
     except BlockError as error:
         return tuple(lines), str(error)
     return tuple(lines), ""

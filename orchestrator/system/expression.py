@@ -186,8 +186,12 @@ def evaluate(
     warnings: list[str] = []
     while waiting:
         # the names by which a text would refer to those that wait
-        called = {f"{owner}.{name}" for c, name in waiting for owner in (c, "shared")}
-        ready = [key for key, text in waiting.items() if not names_in(text) & called]
+        names_waiting = {
+            f"{owner}.{name}" for c, name in waiting for owner in (c, "shared")
+        }
+        ready = [
+            key for key, text in waiting.items() if not names_in(text) & names_waiting
+        ]
         if not ready:
             chain = ", ".join(f'{c}.{n} = "{text}"' for (c, n), text in waiting.items())
             circle = f"{place}: parameters name each other in a circle: {chain}"

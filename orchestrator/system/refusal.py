@@ -24,13 +24,13 @@ def explain(system: System, text: str) -> list[str]:
     """
     lines = text.splitlines()
     refusing = {line.partition(": ")[0] for line in lines if REFUSES in line}
-    reached = _fed_by(system, refusing & set(system.components))
+    components_fed = _fed_by(system, refusing & set(system.components))
     result: dict[str, str] = {}
     for line in lines:
         name, _, rest = line.partition(": ")
         component = system.components.get(name)
         if component is None or REFUSES not in rest:
-            if not (name in reached and name not in refusing):
+            if not (name in components_fed and name not in refusing):
                 result[line] = line
             continue
         reason = rest.partition(REFUSES)[2]
@@ -51,12 +51,12 @@ def _fed_by(system: System, names: set[str]) -> set[str]:
     targets: dict[str, set[str]] = defaultdict(set)
     for c in system.connections:
         targets[c.source].add(c.target)
-    reached: set[str] = set()
+    components_fed: set[str] = set()
     new = set(names)
     while new:
-        new = {t for n in new for t in targets[n]} - reached
-        reached |= new
-    return reached
+        new = {t for n in new for t in targets[n]} - components_fed
+        components_fed |= new
+    return components_fed
 
 
 def _sources(

@@ -320,12 +320,12 @@ def _reaches(before: Mapping[str, set[str]], name: str, start: str) -> bool:
 
     If they do, a connection from `name` back to it would close a cycle.
     """
-    seen, todo = {name}, [name]
+    components_seen, todo = {name}, [name]
     while todo:
-        for other in before[todo.pop()] - seen:
-            seen.add(other)
+        for other in before[todo.pop()] - components_seen:
+            components_seen.add(other)
             todo.append(other)
-    return start in seen
+    return start in components_seen
 
 
 def _undeclared(

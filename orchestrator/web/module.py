@@ -101,10 +101,10 @@ def compiled(texts: dict[str, str]) -> bytes:
 
 def _run(command: Sequence[str], folder: Path) -> None:
     """Run the compiler, or raise DesatError with its message."""
-    done = subprocess.run(
+    process = subprocess.run(
         command, cwd=folder, capture_output=True, text=True, check=False
     )
-    if done.returncode:
-        native.check_room(done.stderr, "compiler zig")
-        lines = (done.stderr.strip() or "no word").splitlines()
+    if process.returncode:
+        native.check_room(process.stderr, "compiler zig")
+        lines = (process.stderr.strip() or "no word").splitlines()
         raise DesatError(f"zig does not compile {command[-1]}: {lines[0]}")

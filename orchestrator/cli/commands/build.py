@@ -50,17 +50,17 @@ def build(
             f"{file.name}: FMI 3.0 is for native FMUs, and there is none of it: "
             f"{built.reason}"
         )
-    written = {}
+    files_written = {}
     for kind, fmu in printed.items():
         if fmu is not None:
             target = folder / ("" if kind == "python" else kind) / fmu.name
             target.parent.mkdir(parents=True, exist_ok=True)
             replace_text(target, fmu.read_bytes())
-            written[kind] = str(target)
+            files_written[kind] = str(target)
     if as_json:
-        print_json({**written, **({"why": built.reason} if built.reason else {})})
+        print_json({**files_written, **({"why": built.reason} if built.reason else {})})
         return
-    for path in written.values():
+    for path in files_written.values():
         out.print(path)
     if built.reason:
         err.print(f"note: there is no native FMU of it: {built.reason}")

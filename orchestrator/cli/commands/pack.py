@@ -164,12 +164,12 @@ def _write_ssds(names: list[str], as_json: bool) -> None:
     from ...files import paths
 
     paths.writable("`desat pack --ssd`")
-    written = {}
+    files_written = {}
     for file in packing.craft_files(names):
-        path, changed = packing.write(file)
-        written[os.path.relpath(path)] = changed
+        path, is_changed = packing.write(file)
+        files_written[os.path.relpath(path)] = is_changed
     if as_json:
-        print_json(written)
+        print_json(files_written)
         return
-    for name, changed in written.items():
-        out.print(f"{name}: {'written' if changed else 'current'}")
+    for name, is_changed in files_written.items():
+        out.print(f"{name}: {'written' if is_changed else 'current'}")

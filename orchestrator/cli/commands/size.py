@@ -215,9 +215,9 @@ def _show(
     else:
         show(sized)
     if page is not None:
-        written = write(sized, page)
+        page_file = write(sized, page)
         if not as_json:
-            _print(written)
+            _print(page_file)
     for line in problems:
         err.print(f"it cannot hold: {line}", highlight=False, markup=False)
     if problems:

@@ -73,12 +73,12 @@ def sweep(
         print_json(result.to_json())
     else:
         _print(result)
-    failed = [point for point in result.points if not point.worst.completed]
-    for point in failed:
+    failed_points = [point for point in result.points if not point.worst.completed]
+    for point in failed_points:
         at = ", ".join(f"{name} = {value}" for name, value in point.values.items())
         err.print(f"{at}: {point.worst.status}: {point.message}")
-    if failed:
-        raise typer.Exit(max(point.worst.code for point in failed))
+    if failed_points:
+        raise typer.Exit(max(point.worst.code for point in failed_points))
 
 
 def _print(result: Sweep) -> None:

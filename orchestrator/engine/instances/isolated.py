@@ -154,14 +154,14 @@ class IsolatedInstance:
         self._words[OPEN] = 1
         try:
             os.write(self._file, command)
-            done = os.read(self._file, 1)
+            answer = os.read(self._file, 1)
         except BlockingIOError:
             self._raise_ended(hung=True)
         except OSError:
             self._raise_ended()
-        if done != DONE or self._words[OPEN]:
+        if answer != DONE or self._words[OPEN]:
             self._raise_ended(
-                garbled=f"at t = {self._time[0]:g} s it wrote" if done else ""
+                garbled=f"at t = {self._time[0]:g} s it wrote" if answer else ""
             )
         if self._words[MESSAGES] > self._heard:
             self._hear("messages")

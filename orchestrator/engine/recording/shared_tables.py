@@ -64,11 +64,11 @@ def tables(
     columns: dict[tuple[Kind, bool], list[int]] = {}
     entries = {}
     for s in sorted(series, key=lambda s: (s.component, s.variable)):
-        taken = columns.setdefault((s.kind, s.interval), [])
-        first = len(taken)
-        taken += range(s.columns.start, s.columns.stop)
+        signals = columns.setdefault((s.kind, s.interval), [])
+        first = len(signals)
+        signals += range(s.columns.start, s.columns.stop)
         entry = _SharedTable(
-            name_of(s.kind, s.interval), first, len(taken), s.scalar, s.attributes
+            name_of(s.kind, s.interval), first, len(signals), s.scalar, s.attributes
         )
         entries[f"{s.component}.{s.variable}"] = asdict(entry)
     return {key: np.array(c, np.intp) for key, c in columns.items()}, json.dumps(
