@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from ..contract.block import Mat33, Parameter
 from ..contract.roles import Controller
-from ..laws.attitude_control import limited, pd_torque, tracking_error
+from ..laws.attitude_control import limit_torque, pd_torque, tracking_error
 from ..maths.vector import IDENTITY, ZERO
 
 
@@ -62,4 +62,4 @@ class ControllerPd(Controller):
             self.q_bi, self.omega_bi_body, self.q_ref_bi, self.omega_ref_body
         )
         tau = pd_torque(e, d_omega, self.kp, self.kd, self.gain_matrix)
-        self.tau_ctrl_body = limited(tau, self.torque_limit)
+        self.tau_ctrl_body = limit_torque(tau, self.torque_limit)

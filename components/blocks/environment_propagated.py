@@ -6,7 +6,7 @@ from ..bases.near_earth import NO_AIR, NODE_TIME, NODES, NearEarth, derivatives
 from ..bases.orbit_start import OSCULATING, STATE, OrbitStart
 from ..bases.pulses import STANDARD_GRAVITY
 from ..contract.block import Output, Parameter, Vec3
-from ..maths.attitude import propagated, rotate_back
+from ..maths.attitude import propagate, rotate_back
 from ..maths.runge_kutta import State, step8
 from ..maths.vector import norm
 from ..physics import earth
@@ -218,7 +218,7 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
             """Return the derivative of position and velocity: m/s and m/s2."""
             ax, ay, az = self._acceleration(t + e * dt, y, sun)
             if firing_since >= 0.0:
-                q = propagated(self.q_bi, self.omega_bi_body, firing_since + e * dt)
+                q = propagate(self.q_bi, self.omega_bi_body, firing_since + e * dt)
                 fx, fy, fz = rotate_back(q, self.force_mean_thruster_body)
                 mass = self._mass - self._flow * (firing_since + e * dt)
                 ax, ay, az = ax + fx / mass, ay + fy / mass, az + fz / mass

@@ -57,7 +57,7 @@ class SunSensor(Role, Sensor):
     def mark_failed(self) -> None:
         self.valid, self.sun_meas_body = False, ZERO
 
-    def measure(self, sample: int, elapsed: float) -> None:
+    def measure(self, sample: int, elapsed_time: float) -> None:
         size = norm(self.sun_eci)
         if size == 0.0 or self.sunlight < self.sunlight_min:
             self.mark_failed()

@@ -90,10 +90,12 @@ class TorquersPassive(Torquers):
         self.on_time = self.dipole_energy = self.electric_energy = 0.0
         self.m_mean_body, self.m_slope_body = self.magnet_body, ZERO
 
-    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
-        if "m_cmd_body" in wired:
+    def foresee(
+        self, begin: float, end: float, wired_names: frozenset[str]
+    ) -> Iterator[str]:
+        if "m_cmd_body" in wired_names:
             yield "m_cmd_body is wired, and a magnet and rods read no command"
-        yield from super().foresee(begin, end, wired)
+        yield from super().foresee(begin, end, wired_names)
 
     def output(self, t: float) -> None:
         self.flux_body = self._flux

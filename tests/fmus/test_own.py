@@ -45,7 +45,7 @@ class MyLaw(TorquerDumping):
 
     gain: float = Parameter("1/s", "gain", start=5e-3, min=0.0)
 
-    def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:
+    def dipole(self, elapsed_time: float, h: Vec3) -> Vec3 | None:
         if norm(h) <= 0.0:
             return None
         return dipole(h, self.b_body, self.gain)

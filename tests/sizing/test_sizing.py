@@ -197,7 +197,7 @@ def test_a_law_is_what_its_block_says():
     requests = ask(law_by(cross_block(), "x", target), flight, rows)
     h = np.array([3e-3, -1e-3, 2e-3])
     for k, row in enumerate(rows):
-        expected = cross_product.normalised(tuple(h), tuple(flight.b[row]), 2e-3)
+        expected = cross_product.normalised_dipole(tuple(h), tuple(flight.b[row]), 2e-3)
         assert requests.gain[k] @ h + requests.offset[k] == pytest.approx(
             expected, rel=1e-12
         )
@@ -216,7 +216,7 @@ def test_the_model_steps_as_written_out(saturation):
         expected = np.zeros(3)
         if np.linalg.norm(away) > 4e-3:
             expected = np.array(
-                cross_product.normalised(tuple(away), tuple(flight.b[k]), 2e-3)
+                cross_product.normalised_dipole(tuple(away), tuple(flight.b[k]), 2e-3)
             )
         coils = np.clip(expected, -m, m)
         duty.append(np.abs(coils).mean() / m)
@@ -306,8 +306,8 @@ def test_a_law_that_plans_by_the_momentum_is_refused():
 
 def test_a_law_that_is_not_affine_is_refused():
     class Strange(block_class("manager_cross_product")):
-        def dipole(self, elapsed, h):
-            m = super().dipole(elapsed, h)
+        def dipole(self, elapsed_time, h):
+            m = super().dipole(elapsed_time, h)
             return m and tuple(x * abs(x) for x in m)
 
     with pytest.raises(UnsuitedError, match="not affine"):
@@ -318,7 +318,7 @@ def test_a_law_that_is_not_affine_is_refused():
 
 def test_a_law_of_ones_own_is_one_of_the_model():
     class Mine(block_class("manager_cross_product")):
-        def dipole(self, elapsed, h):
+        def dipole(self, elapsed_time, h):
             return tuple(
                 0.5 * x for x in cross(np.array([self.b_body]), np.array([h]))[0]
             )
