@@ -397,7 +397,7 @@ def test_a_block_that_assigns_by_name_is_not_refused(tmp_path):
 
 
 def test_every_block_of_ours_assigns_its_outputs():
-    found = {name: block_file.unassigned(block_class(name)) for name in names()}
+    found = {name: block_file.find_unassigned(block_class(name)) for name in names()}
     assert {name: lines for name, lines in found.items() if lines} == {}
 
 
