@@ -181,6 +181,7 @@ class _Module:
     """Top-level statements of a file, the names they define, and its imports."""
 
     def __init__(self, path: Path) -> None:
+        """Read a Python file: its statements, what they define and what it imports."""
         self.path = path
         self.statements: list[ast.stmt] = []
         self.definitions: dict[str, list[int]] = {}  # name -> statements that define it

@@ -44,6 +44,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     block_class: ClassVar[Any]
 
     def __init__(self, **kwargs: Any) -> None:
+        """Create the block at its start values, before initialisation."""
         super().__init__(**kwargs)
         _PINNED.append(vars(sys.modules[type(self).__module__]))
         self.modelName = self.model_identifier()

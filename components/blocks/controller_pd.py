@@ -50,6 +50,11 @@ class ControllerPd(Controller):
         self.tau_ctrl_body = ZERO
 
     def compute(self, t: float, dt: float) -> None:
+        """Command the PD torque (N m, body) at a sample.
+
+        Eq. 10 of paper 004 without its integral, within `torque_limit`; zero while off
+        or while a measurement is invalid.
+        """
         if not self.due(t):
             return
         if not self.enable:

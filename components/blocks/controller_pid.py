@@ -73,6 +73,12 @@ class ControllerPid(Controller):
         self._xi = self.tau_ctrl_body = ZERO
 
     def compute(self, t: float, dt: float) -> None:
+        """Command the PID torque (N m, body) at a sample.
+
+        Eq. 10 of paper 004, within `torque_limit`; zero while off or while a
+        measurement is invalid. With `anti_windup` the integral (s) of a limited command
+        only shrinks.
+        """
         if not self.due(t):
             return
         if not self.enable:

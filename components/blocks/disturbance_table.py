@@ -52,6 +52,7 @@ class DisturbanceTable(Disturbance):
     factor: float = Parameter("1", "factor on all torques", start=1.0)
 
     def start(self) -> None:
+        """Count the rows and sum the impulse (N m s) from the first row to each."""
         self.tau_ext_body = ZERO
         count = 1
         while count < ROWS and self.torque[4 * count] > self.torque[4 * count - 4]:

@@ -82,6 +82,7 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
     mass_left: float = Output("kg", "mass of the craft")
 
     def start(self) -> None:
+        """Check the parameters and begin the first arc at the start of the orbit."""
         super().start()
         self._mass, self._flow = self.mass, 0.0
         if self.specific_impulse > 0.0 and not self.firings:
@@ -107,6 +108,11 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
         return self.start_size()
 
     def motion(self, t: float) -> tuple[Vec3, Vec3]:
+        """Return position (m) and velocity (m/s) at t (s).
+
+        They are in the mean equator and equinox of date. Between the nodes they are
+        those of the interval's polynomials.
+        """
         interval = floor(t / NODE_TIME)
         s = t - NODE_TIME * interval
         if s == 0.0:

@@ -77,6 +77,13 @@ class EnvironmentTle(NearEarth):
     def foresee(
         self, begin: float, end: float, wired_names: frozenset[str]
     ) -> Iterator[str]:
+        """Yield a warning where the run is far from the epoch of the elements.
+
+        Raises
+        ------
+        BlockError
+            If the run begins so far from it that SGP4 is not valid.
+        """
         since = self.epoch_j2000 - self.epoch_tle_j2000
         first, last = (since + begin) / DAY, (since + end) / DAY
         days = first if abs(first) > abs(last) else last

@@ -68,6 +68,7 @@ class Magnetometer(Role, Sensor):
         super().start()
 
     def measure(self, sample: int, elapsed_time: float) -> None:
+        """Measure the field (T, body) with bias, coils, response error and noise."""
         field = rotate(self.q_bi, self.b_eci)
         b = add(field, self.bias_body)
         if any(self.coil_coupling):

@@ -72,6 +72,10 @@ class ManagerBDot(Manager):
         self._b_time = 0.0
 
     def compute(self, t: float, dt: float) -> None:
+        """Command M = -gain B' / |B|^2, or -plain_gain B' (A m2, body), at a sample.
+
+        B' (T/s) is the difference of two consecutive valid fields.
+        """
         if not self.due(t):
             return
         self.m_cmd_body, self.mode = ZERO, IDLE

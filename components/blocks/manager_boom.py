@@ -93,6 +93,10 @@ class ManagerBoom(Boom):
         self.mode = IDLE
 
     def act(self, t: float) -> None:
+        """Command the coils by eq. 16 with the composed e, and the wheel by a PD law.
+
+        A recovery replaces both while the craft is turned over.
+        """
         a, (x, y, z) = self._a, self._rate
         h = self.momentum()
         lean = laws.tilt((a[2], a[5], a[8]))

@@ -399,6 +399,7 @@ class ManagerBoomFeedforward(Boom, EarthField):
     )
 
     def start(self) -> None:
+        """Check wheels, schedule and inertia; set the estimates to start values."""
         super().start()
         check_inertia(self.inertia)
         self._inverse = inverse_inertia(self.inertia)
@@ -922,6 +923,11 @@ class ManagerBoomFeedforward(Boom, EarthField):
     # --- control ----------------------------------------------------------------------
 
     def act(self, t: float) -> None:
+        """Command wheels by the PD law less known torques, and coils by eq. 16.
+
+        The known torques (N m, body) are those of coils and firing, less omega x h
+        where h is valid; gravity enters the rate's estimate alone.
+        """
         if self.estimator == JOINT:
             self._act_jointly(t)
             return
@@ -981,6 +987,10 @@ class ManagerBoomFeedforward(Boom, EarthField):
         self._nadir_before, self._firing_before = nadir, firing_impulse
 
     def hold(self, t: float) -> Vec3:
+        """Return the torque (N m, body) that brakes the rate without an attitude.
+
+        The expected impulse of a firing is still taken.
+        """
         self._omega = None
         self._taught = self._firing  # its impulse is not completely observed
         on = self._begin(t)

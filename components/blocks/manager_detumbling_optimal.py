@@ -142,6 +142,7 @@ class ManagerDetumblingOptimal(Acquisition):
     )
 
     def start(self) -> None:
+        """Compute the carrier's inertia (kg m2) and reset the estimated rate."""
         super().start()
         self._carrier = carrier_inertia(
             self.inertia, self.axes_wheel, self.inertia_wheel
@@ -208,6 +209,10 @@ class ManagerDetumblingOptimal(Acquisition):
         self._h_before, self._t_before = h, t
 
     def act(self, phase: int) -> int:
+        """Command detumbling or start-up with the estimated rate.
+
+        Returns the missing measurement (NO_...), or START.
+        """
         missing = START
         if self.rate_from == GYRO and not self.valid_omega:
             missing = NO_RATE

@@ -228,6 +228,7 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
     )
 
     def start(self) -> None:
+        """Check the parameters and set model, filter and plan to start values."""
         super().start()
         check_inertia(self.inertia)
         carrier = carrier_inertia(self.inertia, self.axes_wheel, self.inertia_wheel)
@@ -324,6 +325,7 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         yield from super().foresee(begin, end, wired_names)
 
     def compute(self, t: float, dt: float) -> None:
+        """Estimate the rate at a sample, plan, and command coils and wheels."""
         if not self.due(t):
             return
         self._b = sub(self.b_body, mat_vec(self.coil_coupling, self.m_cmd_body))

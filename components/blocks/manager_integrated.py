@@ -162,6 +162,7 @@ class ManagerIntegrated(WheelManager):
     tau_des_body: Vec3 = Output("N.m", "t_DES, body: for the report", interval=True)
 
     def start(self) -> None:
+        """Check the pairs of thresholds and set the state to its start values."""
         super().start()
         for on, off in (
             ("threshold_on", "threshold_off"),

@@ -67,6 +67,10 @@ class ManagerMagnetic(TorquerDumping):
         yield from super().foresee(begin, end, wired_names)
 
     def dipole(self, elapsed_time: float, h: Vec3) -> Vec3 | None:
+        """Return the dipole (A m2, body) of MEC or LQR; None from `horizon` on.
+
+        h is the momentum (N m s, body), elapsed_time (s) that since the first sample.
+        """
         if elapsed_time >= self.horizon:
             return None
         if self.law == MEC:

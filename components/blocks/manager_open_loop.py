@@ -112,6 +112,7 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, KnownSlew, EarthField)
     )
 
     def start(self) -> None:
+        """Check the periods (s) and start without a costate."""
         super().start()
         if self.update_period > self.desaturation_period * (1.0 + 1e-9):
             self.fail(
@@ -149,6 +150,12 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, KnownSlew, EarthField)
             )
 
     def law(self, t: float, h: Vec3) -> Vec3 | None:
+        """Return the dipole mu_M = S (B x P) (A m2, body), or None for no command.
+
+        h is the momentum (N m s, body). The costate P is solved anew (eqs. 2, 3 and 7)
+        where an update is due; without a solution the last command is held, or there is
+        none.
+        """
         orbit = elements_from_state(self.r_eci, self.v_eci)
         if t >= self._next - 1e-6 * self.sample_time:
             end = self._end(t)

@@ -77,6 +77,7 @@ class ManagerPreviewLearning(ManagerPreview):
         return super().scalars()
 
     def start(self) -> None:
+        """Begin the filter at its prior: coils and gravity torque as modelled."""
         super().start()
         self._x = learning.FIRST
         self._p = learning.first_covariance()

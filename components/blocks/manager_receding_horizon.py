@@ -171,6 +171,11 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
     def dump(
         self, t: float, elapsed_time: float, h: Vec3
     ) -> tuple[Vec3, blending.Split]:
+        """Plan until the horizon; return torque (N m, body) and split of this sample.
+
+        h is the momentum (N m s, body). Without a valid field or a plan the fallback
+        commands. The dipole of the last sample compensates the rounding of its pulses.
+        """
         samples = int((self.horizon - elapsed_time) / self.sample_time + 0.5)
         if samples < 1:
             self.mode = IDLE

@@ -124,6 +124,7 @@ class ManagerThreshold(MomentumDumping):
     )
 
     def start(self) -> None:
+        """Check the thresholds (N m s) and reset the counters of dumps."""
         super().start()
         if self.sample_time == 0.0:
             self.fail("sample_time = 0 s: a dump has samples")
@@ -158,6 +159,11 @@ class ManagerThreshold(MomentumDumping):
         yield from super().foresee(begin, end, wired_names)
 
     def dump(self, t: float, elapsed_time: float, h: Vec3) -> tuple[Vec3, Split]:
+        """Begin, continue or end a dump; return its torque (N m, body) and its split.
+
+        A dump goes from the momentum `begin` down to `end` (N m s). Thrusters oppose h
+        with at most `torque`, in pulses; coils follow the cross-product law.
+        """
         size = norm(h)
         fill = max(abs(x) for x in self.h_wheel) if self.fill == WHEELS else size
         if self.mode == IDLE and fill >= self.begin:

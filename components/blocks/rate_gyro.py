@@ -96,6 +96,7 @@ class RateGyro(Role, Sensor):
     )
 
     def start(self) -> None:
+        """Set the noise of a sample (rad/s) and the bias to their start values."""
         self._sigma = self.noise
         if self.angle_random_walk > 0.0:
             if self.sample_time <= 0.0:
@@ -110,6 +111,12 @@ class RateGyro(Role, Sensor):
         super().start()
 
     def measure(self, sample: int, elapsed_time: float) -> None:
+        """Measure the rate (rad/s, body) with the errors of the gyro.
+
+        These are misalignment, scale error, noise, and a bias that walks by `bias_walk`
+        sqrt(elapsed_time). The instability is a Gauss-Markov process with the time
+        constant `instability_time` (s).
+        """
         white = ZERO
         if self._sigma > 0.0 or self.bias_walk > 0.0:
             white, walk = normal6(self._noise, sample)

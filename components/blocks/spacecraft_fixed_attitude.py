@@ -52,6 +52,7 @@ class SpacecraftFixedAttitude(Spacecraft):
     tau_disturbance_body: Vec3 = Parameter("N.m", "a constant external torque, body")
 
     def start(self) -> None:
+        """Compute attitude, rate (rad/s) and constant torque (N m) from the orbit."""
         q_bo = normalise(self.q_bo)
         up = scale(1.0 / norm(self.r_eci), self.r_eci)
         n = norm(cross(self.r_eci, self.v_eci)) / dot(self.r_eci, self.r_eci)
@@ -76,6 +77,11 @@ class SpacecraftFixedAttitude(Spacecraft):
         self.impulse_eci = sub(self._total(), self._start_momentum)
 
     def advance(self, t: float, dt: float) -> None:
+        """Integrate h' = N - omega x h (N m s, body) over dt (s) by RK4.
+
+        N is the sum of constant torque, disturbances, thrusters and dipole x B, with
+        the attitude turning at the constant rate omega.
+        """
         omega = self._omega
         q = (
             self._q,

@@ -149,6 +149,7 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
     )
 
     def start(self) -> None:
+        """Set attitude (from eci) and momentum (N m s, eci) to their start values."""
         check_inertia(self.inertia)
         carrier = carrier_inertia(self.inertia, self.axes_wheel, self.inertia_wheel)
         self._inverse = inverse_inertia(carrier)
@@ -214,6 +215,16 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         return rate(rotate(self._q, self._momentum), wheels, self._inverse)
 
     def advance(self, t: float, dt: float) -> None:
+        """Propagate attitude and momentum (N m s, eci) over dt (s) by Runge-Kutta.
+
+        The order (4, 6 or 8) and the number of steps follow from the angle (rad) by
+        which body and nutation turn, with `angle_limit` as its bound.
+
+        Raises
+        ------
+        BlockError
+            If the result is not finite.
+        """
         axes, h, mean = self.axes_wheel, self._h, self.tau_mean_wheel
         wheels = body_momentum(axes, h)
         motors = ramp(

@@ -139,6 +139,7 @@ class StarTracker(Role, Sensor):
         yield from super().foresee(begin, end, wired_names)
 
     def start(self) -> None:
+        """Check boresight and delay; set drift and delay line to their start values."""
         if not any(self.boresight_body):
             self.fail("boresight_body is zero; it must be a direction")
         self._boresight = unit(self.boresight_body)
@@ -167,6 +168,11 @@ class StarTracker(Role, Sensor):
         super().start()
 
     def measure(self, sample: int, elapsed_time: float) -> None:
+        """Measure the attitude, or set `lost_to` to the reason why there are no stars.
+
+        Stars are acquired for `reacquisition_time` (s) after a loss; the measurement
+        leaves `delay` (s) later.
+        """
         reason = self._blind(sample, elapsed_time)
         if reason:
             self._wait = self.reacquisition_time

@@ -95,6 +95,7 @@ class ThrustersValves(ThrustersNozzles):
     )
 
     def start(self) -> None:
+        """Check stuck nozzle and tank; set the valves' levels to their start values."""
         super().start()
         i = self.stuck_nozzle - 1
         if i >= 0 and self._jets[i][1] == ZERO:
@@ -146,6 +147,10 @@ class ThrustersValves(ThrustersNozzles):
         t: float,
         dt: float,
     ) -> None:
+        """Add the nozzles' thrust over the step from t (s), and take propellant (kg).
+
+        It is added to the torque's mean and slope (N m) and the force's mean (N), body.
+        """
         shares = [0.0] * (2 * NOZZLES)  # mean and slope of each nozzle's share
         open_time, levels = [0.0] * NOZZLES, list(self._levels)
         pressure, used = self._pressure(), 0.0

@@ -121,6 +121,7 @@ class Torquers(Role):
     power: float = Output("W", "electric power of all coils at this time")
 
     def start(self) -> None:
+        """Check axes and times; compute the allocations of all and of healthy coils."""
         super().start()
         self._check_axes()
         self._check_times()
@@ -185,6 +186,7 @@ class Torquers(Role):
         self.electric_energy = 2.0 * joule * self._energy
 
     def advance(self, t: float, dt: float) -> None:
+        """Take a due sample; set mean and slope of the dipole (A m2, body)."""
         if self.due(t):
             self._take(t)
         if self._begin <= t and t + dt <= self._constant_until:

@@ -102,6 +102,11 @@ class TorquersPassive(Torquers):
         self.m_body = self._dipole(self._flux)
 
     def advance(self, t: float, dt: float) -> None:
+        """Follow the hysteresis and set the mean dipole (A m2, body) and its slope.
+
+        The field at the end of the step is extrapolated from its change over the last
+        one.
+        """
         field = scale(1.0 / MU_0, rotate(self.q_bi, self.b_eci))
         if self._field is None:
             x, y, z = (self._anhysteretic(h) for h in field)

@@ -89,6 +89,7 @@ class TorquersRods(Torquers):
     )
 
     def start(self) -> None:
+        """Check the circuit; compute resistance (Ohm), lag (s) and limit (A m2)."""
         super().start()
         if warm(1.0, self.temperature, self.temperature_coefficient) <= 0.0:
             self.fail(

@@ -205,6 +205,13 @@ class Wheels(Role, WheelInertias):
     def foresee(
         self, begin: float, end: float, wired_names: frozenset[str]
     ) -> Iterator[str]:
+        """Yield the problems known before a run: momentum of an absent wheel.
+
+        Raises
+        ------
+        BlockError
+            If the wheels cannot turn the craft about some axis.
+        """
         for i in range(4):
             self._check_absence(i)
             if self.inertia_wheel[i] == 0.0 and self.h_start_wheel[i] != 0.0:
@@ -229,6 +236,7 @@ class Wheels(Role, WheelInertias):
         yield from super().foresee(begin, end, wired_names)
 
     def start(self) -> None:
+        """Set rotors, speed loops and rotor angles (rad) to their start values."""
         self._present = tuple(i for i in range(4) if self.inertia_wheel[i] > 0.0)
         self._check_parameters()
         self._motors: tuple[Motor, ...] = tuple(
@@ -342,6 +350,11 @@ class Wheels(Role, WheelInertias):
         return (speed[0], speed[1], speed[2], speed[3])
 
     def output(self, t: float) -> None:
+        """Set momentum (N m s) and flags of each wheel, and the power (W).
+
+        A wheel takes `idle_power`, its mechanical power where that is positive, and the
+        copper loss (drive / motor_constant)^2.
+        """
         h, is_saturated = [0.0] * 4, [False] * 4
         rotors, inertia, rates = self._rotors, self.inertia_wheel, self._rates
         idle, constant = self.idle_power, self.motor_constant
@@ -367,6 +380,11 @@ class Wheels(Role, WheelInertias):
         self.power = power
 
     def advance(self, t: float, dt: float) -> None:
+        """Propagate the rotors over dt (s); set mean and slope of their torques (N m).
+
+        Mean and slope preserve the change of the rotor's momentum and its integral over
+        the step. `speed_wheel` (rad/s) is the speed at the beginning.
+        """
         now = self._axial(self.omega_bi_body)
         then = self._ahead(now, dt)
         self._rates = now

@@ -63,6 +63,7 @@ class WheelsMotor(Wheels):
     )
 
     def start(self) -> None:
+        """Build the motor's curve: no-load speed (rad/s), slope, table of the drag."""
         entries = self._entries()
         no_load = 0.0
         if self.supply_voltage > 0.0:

@@ -315,6 +315,7 @@ class Access:
     """
 
     def __init__(self, block: Block, positions: Sequence[int]) -> None:
+        """Select the scalars at these positions of `scalars()`, in their order."""
         scalars = block.scalars()
         self._values = vars(block)
         self._steps: list[

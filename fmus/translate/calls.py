@@ -127,6 +127,7 @@ class Calls(Expressions):
     """Translation of a function's calls to C."""
 
     def _call(self, node: ast.Call) -> Value:
+        """Translate a call of a method, function, constructor or library function."""
         func = node.func
         if isinstance(func, ast.Attribute):
             if (

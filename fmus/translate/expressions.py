@@ -481,6 +481,7 @@ class Expressions(ABC):
         )
 
     def _attribute(self, node: ast.Attribute) -> Value:
+        """Translate a field of self, of a module or of a named tuple."""
         if self.is_self(node.value):
             return self.field(node)
         base = self.expression(node.value)
@@ -610,6 +611,7 @@ class Expressions(ABC):
         )
 
     def _unaryop(self, node: ast.UnaryOp) -> Value:
+        """Translate `not` and the minus sign, with the bounds of an integer."""
         if isinstance(node.op, ast.Not):
             value = self.condition(node.operand)
             if value.is_const:
@@ -641,6 +643,7 @@ class Expressions(ABC):
         )
 
     def _binop(self, node: ast.BinOp) -> Value:
+        """Translate a binary operation; `& 2^64 - 1` makes a 64-bit mask."""
         if _is_literal(node):  # (1 << 64) - 1, a part of which has more than 64 bits
             with suppress(ArithmeticError, ValueError):
                 result = eval(ast.unparse(node))
@@ -658,6 +661,7 @@ class Expressions(ABC):
         """Translate an integer expression modulo 2^64, as `& _MASK` requires."""
 
         def text(e: ast.expr) -> tuple[str, int]:
+            """Return the C of an operand modulo 2^64 and how tightly it binds."""
             if isinstance(e, ast.BinOp) and type(e.op) in ARITHMETIC:
                 sign, level = ARITHMETIC[type(e.op)]
             elif isinstance(e, ast.BinOp) and isinstance(e.op, ast.BitXor):
@@ -903,6 +907,7 @@ class Expressions(ABC):
         raise self.refuse(node, f"{op.__name__} of tuples", "+, or * by a constant")
 
     def _boolop(self, node: ast.BoolOp) -> Value:
+        """Translate `and` or `or`, operand by operand, with what each makes certain."""
         is_and = isinstance(node.op, ast.And)
         outer_sure = set(self.sure)
         result = self.expression(node.values[0])
@@ -1088,6 +1093,7 @@ class Expressions(ABC):
         return set(), set()
 
     def _compare(self, node: ast.Compare) -> Value:
+        """Translate a comparison; a chain becomes one C expression with &&."""
         values = self.in_order([node.left, node.comparators[0]])
         if len(node.ops) > 1:
             values[1] = self.temporary(values[1])
@@ -1279,6 +1285,7 @@ class Expressions(ABC):
         return constant(most(value.type))  # type: ignore[return-value]
 
     def _subscript(self, node: ast.Subscript) -> Value:
+        """Translate an index into a tuple or list, or a slice of it."""
         value = self.some(self.expression(node.value))
         if isinstance(value.type, Known):
             raise self.refuse(node, "an index of this", "of a tuple")

@@ -59,6 +59,13 @@ class Translation(Calls):
     """One pass over the body of a function."""
 
     def __init__(self, spec: Any, program: Any) -> None:
+        """Begin to translate a specialised function: bind parameters and captures.
+
+        Raises
+        ------
+        SubsetError
+            If the function has a construct that would behave differently in C.
+        """
         self.spec, self.program = spec, program
         self.out, self.level = [], 1
         self.counts = {}
@@ -193,6 +200,7 @@ class Translation(Calls):
         self.assign(node.target, value)
 
     def do_assign(self, node: ast.Assign) -> None:
+        """Translate an assignment; the value of several targets is computed once."""
         (first, *_) = node.targets
         if isinstance(first, ast.Name) and first.id in self.limits_needed:
             self.most_wanted = self.limits_needed[first.id]
@@ -221,6 +229,7 @@ class Translation(Calls):
             self.assign(target, value)
 
     def do_augassign(self, node: ast.AugAssign) -> None:
+        """Translate `a op= b` as `a = a op b`; text is joined."""
         load = ast.copy_location(_load(node.target), node)
         if isinstance(node.target, ast.Name) and node.target.id in self.limits_needed:
             self.most_wanted = self.limits_needed[node.target.id]

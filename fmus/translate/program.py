@@ -80,6 +80,7 @@ class Program:
     """
 
     def __init__(self, block: type[Block]) -> None:
+        """Translate a block: declare its variables, then settle the types."""
         self.block = block
         self.file = Path(inspect.getfile(block)).resolve()
         self.declared_types: dict[str, Type] = {}

@@ -37,6 +37,7 @@ class Source:
     """A Python file: its tree, its functions by first line, its comments by line."""
 
     def __init__(self, path: Path) -> None:
+        """Read a Python file: its functions by first line, its comments by line."""
         self.path = path
         text = path.read_text(encoding="utf-8")
         self.tree = ast.parse(text)
@@ -85,6 +86,13 @@ class Info:
     no_default = object()
 
     def __init__(self, callee: Callee, display_path: str) -> None:
+        """Read the declarations of a function; `display_path` is its file for messages.
+
+        Raises
+        ------
+        SubsetError
+            If its parameters are outside of the subset.
+        """
         function = callee.function
         self.is_cached = hasattr(function, "__wrapped__")
         function = getattr(function, "__wrapped__", function)
@@ -326,6 +334,7 @@ class Spec:
         owner: Any,
         name: str,
     ) -> None:
+        """Specialise a function for types and constants of its arguments."""
         self.key, self.info, self.callee = key, info, callee
         self.types, self.consts, self.owner, self.name = types, consts, owner, name
         self.node, self.globals, self.source = info.node, info.globals, info.source
