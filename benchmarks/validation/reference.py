@@ -159,7 +159,7 @@ class Computers:
         self.anti_windup = bool(one("controller", "anti_windup"))
         self.bias = many("magnetometer", "bias_body")
         self.dumping = bool(one("manager", "enable"))
-        self.law = (cross_product.normalised_dipole, cross_product.ccpl)[
+        self.law = (cross_product.normalised, cross_product.ccpl)[
             int(one("manager", "law"))
         ]
         self.gain, self.deadband = one("manager", "gain"), one("manager", "h_deadband")

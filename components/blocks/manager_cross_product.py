@@ -53,5 +53,5 @@ class ManagerCrossProduct(TorquerDumping):
     def dipole(self, elapsed_time: float, h: Vec3) -> Vec3 | None:
         if norm(h) <= self.h_deadband:
             return None
-        law = (cross_product.normalised_dipole, cross_product.ccpl)[self.law]
+        law = (cross_product.normalised, cross_product.ccpl)[self.law]
         return law(h, self.b_body, self.gain)

@@ -462,7 +462,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             self._plan_time = t
         mean = rotate(q, add(b, sub(self._field_amid_sample(t), model)))
         if self._plan_failed or is_strange:
-            mode, m = FALLBACK, cross_product.normalised_dipole(h, mean, norm(turn))
+            mode, m = FALLBACK, cross_product.normalised(h, mean, norm(turn))
         else:
             mode, m = DUMPING, self._dipole(mean, rotate(q, self._costate))
         m = self._chosen_dipole(mode, m)

@@ -191,9 +191,7 @@ class ManagerThreshold(MomentumDumping):
             return n, (ZERO, n)
         if not self.valid_b:
             return ZERO, (ZERO, ZERO)
-        m = clip(
-            cross_product.normalised_dipole(h, self.b_body, self.gain), self.m_limit
-        )
+        m = clip(cross_product.normalised(h, self.b_body, self.gain), self.m_limit)
         n = cross(m, self.b_body)
         self._count(n)
         return n, (m, ZERO)

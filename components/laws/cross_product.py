@@ -10,7 +10,7 @@ from ..contract.block import Vec3
 from ..maths.vector import ZERO, cross, dot, norm, scale
 
 
-def normalised_dipole(h: Vec3, b: Vec3, gain: float) -> Vec3:
+def normalised(h: Vec3, b: Vec3, gain: float) -> Vec3:
     """Compute M = gain (h x B) / |B|^2 (A m2).
 
     gain (1/s) is the rate at which momentum across B decays. Zero without a field.

@@ -197,7 +197,7 @@ def test_a_law_is_what_its_block_says():
     requests = ask(law_by(cross_block(), "x", target), flight, rows)
     h = np.array([3e-3, -1e-3, 2e-3])
     for k, row in enumerate(rows):
-        expected = cross_product.normalised_dipole(tuple(h), tuple(flight.b[row]), 2e-3)
+        expected = cross_product.normalised(tuple(h), tuple(flight.b[row]), 2e-3)
         assert requests.gain[k] @ h + requests.offset[k] == pytest.approx(
             expected, rel=1e-12
         )
@@ -216,7 +216,7 @@ def test_the_model_steps_as_written_out(saturation):
         expected = np.zeros(3)
         if np.linalg.norm(away) > 4e-3:
             expected = np.array(
-                cross_product.normalised_dipole(tuple(away), tuple(flight.b[k]), 2e-3)
+                cross_product.normalised(tuple(away), tuple(flight.b[k]), 2e-3)
             )
         coils = np.clip(expected, -m, m)
         duty.append(np.abs(coils).mean() / m)
