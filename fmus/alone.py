@@ -112,7 +112,7 @@ def alone(
     source = _source(name, files, code.replace(struct[0], ""), _AT_START + table)
     header = _header(name, about, struct[0], types, _VARIABLE.findall(table))
     files_written = {f"{name}.h": header.replace("@SIZES@", ""), f"{name}.c": source}
-    sizes = [measured(name, files_written, command) for command in compilers]
+    sizes = [measure_sizes(name, files_written, command) for command in compilers]
     sizes_text = "".join(f"\n   {line}" for line in (note, *sizes) if line)
     return files_written | {f"{name}.h": header.replace("@SIZES@", sizes_text)}, sizes
 
@@ -126,7 +126,7 @@ def _header(
 ) -> str:
     """Return the text of the header, with @SIZES@ where the sizes go."""
 
-    def renamed(text: str) -> str:
+    def rename_types(text: str) -> str:
         """Replace the prefix `desat_` of the block's types by the block's name."""
         for _, of in types:
             text = re.sub(rf"\bdesat_{of}\b", f"{name}_{of}", text)
@@ -136,7 +136,7 @@ def _header(
     of: dict[str, dict[str, None]] = {c: {} for c in words}
     for element, _, _, causality, _, _ in variables:
         of[causality][element.partition("[")[0]] = None
-    listed = "\n".join(
+    variable_lists = "\n".join(
         fill(
             f"{words[c]}: {', '.join(names)}",
             96,
@@ -154,7 +154,7 @@ def _header(
    and, where it has noise, `instance`, a name that keys it; then {name}_start,
    and before each {name}_step the inputs.
 
-{listed}
+{variable_lists}
 
    A function that fails returns what kind of failure it is, and sets `fault`; from then on no step
    is made. Several laws, and several structs of one law, may live beside each other, but not be
@@ -167,8 +167,8 @@ def _header(
 #include <stdint.h>
 
 typedef struct {name} {name};
-{"".join(f"typedef {renamed(body)} {name}_{of};" + chr(10) for body, of in types)}
-{renamed(struct).replace("struct desat_block {", f"struct {name} {{", 1)}
+{"".join(f"typedef {rename_types(body)} {name}_{of};" + chr(10) for body, of in types)}
+{rename_types(struct).replace("struct desat_block {", f"struct {name} {{", 1)}
 enum {{ {upper}_OK, {kinds}, {upper}_OUT_OF_BOUNDS, {upper}_FAILED_BEFORE, {upper}_NOT_FINITE }};
 
 /* start values of all variables */
@@ -208,7 +208,7 @@ def _source(name: str, files: dict[str, str], code: str, table: str) -> str:
     )
     body = _TYPE.sub("", body)
     start = table.partition("static const block_variable")[0]
-    bounded = [
+    bounds = [
         f"    {{{place}, '{kind}', {low}, {high}}},"
         for _, place, kind, causality, low, high in _VARIABLE.findall(table)
         if causality in "ip" and kind != "B"
@@ -253,7 +253,7 @@ static const struct {{
     char kind;
     double low, high;
 }} desat_bounds[] = {{
-{chr(10).join(bounded) or "    {0, 'B', 0.0, 0.0},"}
+{chr(10).join(bounds) or "    {0, 'B', 0.0, 0.0},"}
 }};
 
 /* inputs and parameters within their bounds, and finite */
@@ -313,7 +313,7 @@ int {name}_step({name} *self, double t, double dt)
 # --- what a compiler makes of it ------------------------------------------------------
 
 
-def measured(name: str, files: dict[str, str], compiler: Sequence[str]) -> Size:
+def measure_sizes(name: str, files: dict[str, str], compiler: Sequence[str]) -> Size:
     """Compile the files of a block and return its sizes in bytes.
 
     Raises
@@ -329,44 +329,52 @@ def measured(name: str, files: dict[str, str], compiler: Sequence[str]) -> Size:
         (folder / "probe.c").write_text(probe, encoding="utf-8")
         graph = (
             []
-            if _run([*compiler, "-fcallgraph-info=su", "-c", "probe.c"], folder)[0]
+            if _run_command(
+                [*compiler, "-fcallgraph-info=su", "-c", "probe.c"], folder
+            )[0]
             else ["-fcallgraph-info=su"]
         )
         for file in ("probe", name):
-            failed, error = _run([*compiler, *FLAGS, *graph, "-c", f"{file}.c"], folder)
-            if failed:
+            exit_code, error = _run_command(
+                [*compiler, *FLAGS, *graph, "-c", f"{file}.c"], folder
+            )
+            if exit_code:
                 raise RuntimeError(f"{shlex.join(compiler)}: {error.strip()[:600]}")
-        printed = (
-            _run([*compiler, "-print-prog-name=size"], folder)[1].strip() or "size"
+        size_command = (
+            _run_command([*compiler, "-print-prog-name=size"], folder)[1].strip()
+            or "size"
         )
-        probed, own_size = (
-            _run([printed, f"{file}.o"], folder)[1].split() for file in ("probe", name)
+        probe_size, own_size = (
+            _run_command([size_command, f"{file}.o"], folder)[1].split()
+            for file in ("probe", name)
         )
         struct = code = static = None
         if (
-            len(probed) > 8 and len(own_size) > 8
+            len(probe_size) > 8 and len(own_size) > 8
         ):  # columns after the six words of the heading: text, data, bss
-            read_only, data, zeroed = map(int, own_size[6:9])
+            read_only, data, bss = map(int, own_size[6:9])
             struct, code, static = (
-                int(probed[7]) + int(probed[8]),
+                int(probe_size[7]) + int(probe_size[8]),
                 read_only + data,
-                data + zeroed,
+                data + bss,
             )
-        version = _run([*compiler, "--version"], folder)[1].splitlines()
-        shown = " ".join([version[0] if version else compiler[0], *compiler[1:]])
+        version = _run_command([*compiler, "--version"], folder)[1].splitlines()
+        compiler_text = " ".join(
+            [version[0] if version else compiler[0], *compiler[1:]]
+        )
         stack = _deepest((folder / f"{name}.ci").read_text()) if graph else None
-        return Size(shown, struct, code, static, stack)
+        return Size(compiler_text, struct, code, static, stack)
 
 
-def _run(command: Sequence[str], folder: Path) -> tuple[int, str]:
+def _run_command(command: Sequence[str], folder: Path) -> tuple[int, str]:
     """Run a command in a folder; return its exit code and what it printed."""
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             command, cwd=folder, capture_output=True, text=True, check=False
         )
     except OSError as error:
         return 1, str(error)
-    return done.returncode, done.stdout or done.stderr
+    return process.returncode, process.stdout or process.stderr
 
 
 def _deepest(graph: str) -> int | None:
@@ -376,27 +384,27 @@ def _deepest(graph: str) -> int | None:
     """
     own_stack: dict[str, int] = {}
     for of, label in re.findall(r'node: \{ title: "(.*?)" label: "(.*?)"', graph):
-        found = re.search(r"(\d+) bytes \((\w+)", label)
-        if found is not None and found[2] != "static" and "bounded" not in label:
+        match = re.search(r"(\d+) bytes \((\w+)", label)
+        if match is not None and match[2] != "static" and "bounded" not in label:
             return None
-        own_stack[of] = int(found[1]) if found else 0
+        own_stack[of] = int(match[1]) if match else 0
     calls: dict[str, set[str]] = {}
-    for caller, called in re.findall(
+    for caller, callee in re.findall(
         r'edge: \{ sourcename: "(.*?)" targetname: "(.*?)"', graph
     ):
-        calls.setdefault(caller, set()).add(called)
-    known: dict[str, int] = {}
+        calls.setdefault(caller, set()).add(callee)
+    depth_of: dict[str, int] = {}
 
     def depth(function: str, above: frozenset[str]) -> int:
         """Return the stack that a function and its callees need, in bytes."""
         if function in above:
             raise RecursionError
-        if function not in known:
+        if function not in depth_of:
             inner = above | {function}
-            known[function] = own_stack.get(function, 0) + max(
+            depth_of[function] = own_stack.get(function, 0) + max(
                 (depth(x, inner) for x in calls.get(function, ())), default=0
             )
-        return known[function]
+        return depth_of[function]
 
     try:
         return max((depth(x, frozenset()) for x in own_stack), default=0)

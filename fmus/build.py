@@ -49,7 +49,7 @@ from .description import (
     model_description,
 )
 from .meaning import COMPONENTS, sources
-from .own import OwnBlockError, identifier, is_own, shipped
+from .own import OwnBlockError, identifier, is_own, shipped_text
 from .registry import block_class, names
 
 HERE = Path(__file__).parent
@@ -91,7 +91,7 @@ def contents(block_ref: str) -> dict[str, bytes]:
         p.relative_to(COMPONENTS).as_posix(): p.read_bytes() for p in sources(block_ref)
     }
     if is_own(block_ref):
-        files[f"blocks/{identifier(block_ref)}.py"] = shipped(block_ref).encode()
+        files[f"blocks/{identifier(block_ref)}.py"] = shipped_text(block_ref).encode()
     files["slave.py"] = (HERE / "slave.py").read_bytes()
     return dict(sorted(files.items()))
 
@@ -198,13 +198,13 @@ def build_native(
         ) as pool:
             n = len(block_refs)
             results = pool.map(
-                native.tried,
+                native.try_build,
                 block_refs,
                 [dist / "native"] * n,
                 [Path(shared)] * n,
                 [targets] * n,
             )
-            tracked = track(
+            progress = track(
                 results,
                 "native FMUs",
                 total=n,
@@ -213,7 +213,7 @@ def build_native(
             )
             return {
                 name: reason
-                for name, reason in zip(block_refs, tracked, strict=True)
+                for name, reason in zip(block_refs, progress, strict=True)
                 if reason
             }
 
@@ -253,7 +253,7 @@ def _entry(
     return {**entry, "why": reason} if reason else entry
 
 
-def _compiled(platforms: str) -> str:
+def _build_digest(platforms: str) -> str:
     """Return the digest of the native build, or "" without a compiler."""
     try:
         return native.made_of(native.targets_of(platforms)).hex()
@@ -261,9 +261,9 @@ def _compiled(platforms: str) -> str:
         return ""
 
 
-def _native_digest(digest: str, compiled: str) -> str:
+def _native_digest(digest: str, build_digest: str) -> str:
     """Compute the digest of a native FMU from those of block and build."""
-    return hashlib.sha256((digest + compiled).encode()).hexdigest()
+    return hashlib.sha256((digest + build_digest).encode()).hexdigest()
 
 
 def made_of(block_ref: str, platforms: str = "") -> str:
@@ -274,7 +274,7 @@ def made_of(block_ref: str, platforms: str = "") -> str:
     OwnBlockError
         If a user's own file is no block.
     """
-    return _native_digest(_digest(block_ref), _compiled(platforms))
+    return _native_digest(_digest(block_ref), _build_digest(platforms))
 
 
 def update(
@@ -284,14 +284,16 @@ def update(
 
     `platforms` is as in `native.targets_of`.
     """
-    compiled = _compiled(platforms)
-    called = {identifier(block_ref): block_ref for block_ref in block_refs}
+    build_digest = _build_digest(platforms)
+    block_ref_of = {identifier(block_ref): block_ref for block_ref in block_refs}
     try:
-        known = json.loads((dist / INDEX).read_text(encoding="utf-8"))
+        old_index = json.loads((dist / INDEX).read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        known = []
+        old_index = []
     entries_kept = {
-        (e["kind"], e["name"]): e for e in known if e["name"] in {*names(), *called}
+        (e["kind"], e["name"]): e
+        for e in old_index
+        if e["name"] in {*names(), *block_ref_of}
     }
 
     def is_current(kind: str, name: str, made_of: str) -> bool:
@@ -305,29 +307,33 @@ def update(
             and hashlib.sha256(path.read_bytes()).hexdigest() == e["sha256"]
         )
 
-    digests = {name: _digest(block_ref) for name, block_ref in called.items()}
+    digests = {name: _digest(block_ref) for name, block_ref in block_ref_of.items()}
     anew = hashlib.sha256((HERE / "fmi3.py").read_bytes()).hexdigest()
-    both = {name: _native_digest(digests[name], compiled) for name in called}
+    both = {name: _native_digest(digests[name], build_digest) for name in block_ref_of}
     old = tuple(
-        name for name in called if not is_current("python", name, digests[name])
+        name for name in block_ref_of if not is_current("python", name, digests[name])
     )
     if old:
-        build_all(tuple(called[name] for name in old), dist)
+        build_all(tuple(block_ref_of[name] for name in old), dist)
         for name in old:
             entries_kept["python", name] = _entry(
                 "python", name, dist, digests[name], ""
             )
         _write(entries_kept, dist)  # saved now because compiling may be interrupted
-    todo, reasons = _select_native(called, entries_kept, both, compiled, is_current)
+    todo, reasons = _select_native(
+        block_ref_of, entries_kept, both, build_digest, is_current
+    )
     if todo:
-        built = build_native(todo, dist, native.targets_of(platforms))
-        reasons |= {identifier(block_ref): text for block_ref, text in built.items()}
-    for name, block_ref in called.items():
+        build_reasons = build_native(todo, dist, native.targets_of(platforms))
+        reasons |= {
+            identifier(block_ref): text for block_ref, text in build_reasons.items()
+        }
+    for name, block_ref in block_ref_of.items():
         old_entry = entries_kept.get(("python", name), {})
         meaning_entry = (
             {k: old_entry[k] for k in ("computes", "files", "files_sha256")}
             if (meaning.is_as(old_entry))
-            else meaning.computed(block_ref)
+            else meaning.index_entry(block_ref)
         )
         entries_kept["python", name] = {
             **_entry("python", name, dist, digests[name], reasons.get(name, "")),
@@ -356,26 +362,27 @@ def update(
 
 
 def _select_native(
-    called: dict[str, str],
+    block_ref_of: dict[str, str],
     entries: dict[tuple[str, str], dict[str, Any]],
     native_digests: dict[str, str],
-    compiled: str,
+    build_digest: str,
     is_current: Callable[[str, str, str], bool],
 ) -> tuple[tuple[str, ...], dict[str, str]]:
     """Return the blocks to compile, and by name why others get no native FMU."""
-    if not compiled:
-        return (), dict.fromkeys(called, "no C compiler where it was built")
-    refused = {}
-    for name in called:
+    if not build_digest:
+        return (), dict.fromkeys(block_ref_of, "no C compiler where it was built")
+    old_reasons = {}
+    for name in block_ref_of:
         entry = entries.get(("python", name), {})
         if entry.get("why") and entry.get("with") == native_digests[name]:
-            refused[name] = entry["why"]
+            old_reasons[name] = entry["why"]
     todo = tuple(
         block_ref
-        for name, block_ref in called.items()
-        if name not in refused and not is_current("native", name, native_digests[name])
+        for name, block_ref in block_ref_of.items()
+        if name not in old_reasons
+        and not is_current("native", name, native_digests[name])
     )
-    return todo, refused
+    return todo, old_reasons
 
 
 def _write(
@@ -449,11 +456,11 @@ def _remove_stale(dist: Path, index: list[dict[str, Any]]) -> None:
         for path in dist.glob(f"{folder}*.fmu")
     } - {dist / e["file"] for e in index}:
         stale.unlink()
-    for unfinished in dist.rglob(
+    for partial_file in dist.rglob(
         "*.part"
     ):  # left by a build that was killed; a running build writes its own quickly
-        if time.time() - unfinished.stat().st_mtime > 60.0:
-            unfinished.unlink(missing_ok=True)
+        if time.time() - partial_file.stat().st_mtime > 60.0:
+            partial_file.unlink(missing_ok=True)
 
 
 def main() -> int:
@@ -486,12 +493,12 @@ def main() -> int:
     if arguments.into is None and is_complete and not wrong:
         _remove_stale(dist, index)
         interfaces.write()
-    built = {
+    built_names = {
         Path(block_ref).stem if is_own(block_ref) else block_ref
         for block_ref in block_refs
     }
     if arguments.names:
-        _print_table([e for e in index if e["name"] in built])
+        _print_table([e for e in index if e["name"] in built_names])
     of = {kind: sum(e["kind"] == kind for e in index) for kind in ("native", "fmi3")}
     print(
         f"{len(index)} FMUs in {os.path.relpath(dist)}, {of['native']} of them native, "

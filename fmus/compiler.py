@@ -24,15 +24,15 @@ def compiler() -> tuple[str, ...]:
         If there is none, or CC names no command.
     """
     try:
-        requested = shlex.split(os.environ.get("CC", ""))
+        cc_command = shlex.split(os.environ.get("CC", ""))
     except ValueError as error:
         raise NoCompilerError(
             f"CC = {os.environ['CC']}: {str(error).lower()}"
         ) from None
-    for command in [requested] if requested else (["gcc"], ["cc"], ["clang"]):
-        if found := shutil.which(command[0]):
-            return (found, *command[1:])
-    if requested:
+    for command in [cc_command] if cc_command else (["gcc"], ["cc"], ["clang"]):
+        if executable := shutil.which(command[0]):
+            return (executable, *command[1:])
+    if cc_command:
         raise NoCompilerError(f"CC = {os.environ['CC']}: there is no such command")
     try:
         return zig()

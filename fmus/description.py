@@ -215,8 +215,8 @@ def common(v: Variable) -> dict[str, str]:
         if v.type == "Real"
         else "discrete",
     }
-    computed = v.causality not in STARTED
-    return attributes | ({"initial": "calculated"} if computed else {})
+    is_calculated = v.causality not in STARTED
+    return attributes | ({"initial": "calculated"} if is_calculated else {})
 
 
 def annotation(v: Variable, name: str) -> dict[str, str]:
@@ -276,9 +276,9 @@ def unit_definitions(root: Any, block: type[Block]) -> None:
                 base.set(exponent, str(getattr(unit, exponent)))
         if unit.factor != 1.0:
             base.set("factor", repr(unit.factor))
-        if shown := DISPLAY.get(name):
-            factor = repr(unit.factor / unit_of(shown).factor)
-            etree.SubElement(element, "DisplayUnit", name=shown, factor=factor)
+        if display_unit := DISPLAY.get(name):
+            factor = repr(unit.factor / unit_of(display_unit).factor)
+            etree.SubElement(element, "DisplayUnit", name=display_unit, factor=factor)
 
 
 def log_categories(root: Any) -> None:

@@ -75,8 +75,8 @@ def repack(
             members[name] = data
             continue
         platform, _, library = rest.partition("/")
-        for called in PLATFORMS.get(platform, (platform,)):
-            members[f"binaries/{called}/{library}"] = data
+        for fmi3_platform in PLATFORMS.get(platform, (platform,)):
+            members[f"binaries/{fmi3_platform}/{library}"] = data
     files = sorted(n.partition("/")[2] for n in members if n.startswith("sources/"))
     members["terminalsAndIcons/icon.png"] = members.pop("model.png")
     members["sources/buildDescription.xml"] = _build_description(identifier, files)
@@ -144,9 +144,12 @@ def model_description(
     for kind in ("Output", "InitialUnknown"):
         for v, now, start in unknowns(block, depends):
             on = now if kind == "Output" else start
-            found = " ".join(sorted((references[name] for name in on), key=int))
+            dependencies = " ".join(sorted((references[name] for name in on), key=int))
             etree.SubElement(
-                structure, kind, valueReference=references[v.name], dependencies=found
+                structure,
+                kind,
+                valueReference=references[v.name],
+                dependencies=dependencies,
             )
     if block.role:
         _annotate(root, "Block", {"name": identifier, "role": block.role})
@@ -193,11 +196,11 @@ def _variable(parent: Any, v: Variable, reference: int) -> None:
 
 def _type_definitions(root: Any, block: type[Block]) -> None:
     """Add an enumeration for each variable that has choices."""
-    chosen = [v for v in block.variables if v.choices]
-    if not chosen:
+    choice_variables = [v for v in block.variables if v.choices]
+    if not choice_variables:
         return
     types = etree.SubElement(root, "TypeDefinitions")
-    for v in chosen:
+    for v in choice_variables:
         enumeration = etree.SubElement(types, "EnumerationType", name=v.name)
         for value, name in enumerate(v.choices):
             if name != "-":
@@ -212,12 +215,12 @@ def terminals(block: type[Block]) -> bytes:
     outputs. A loop of blocks has no terminals.
     """
     root = etree.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
-    drawn = etree.SubElement(root, "GraphicalRepresentation")
+    graphics = etree.SubElement(root, "GraphicalRepresentation")
     corners = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
     etree.SubElement(
-        drawn, "CoordinateSystem", {**corners, "suggestedScalingFactorTo_mm": "0.1"}
+        graphics, "CoordinateSystem", {**corners, "suggestedScalingFactorTo_mm": "0.1"}
     )
-    etree.SubElement(drawn, "Icon", corners)
+    etree.SubElement(graphics, "Icon", corners)
     if not block.role:
         return _xml(root)
     members: dict[str, dict[str, str]] = {block.role: {}}

@@ -24,40 +24,43 @@ def sources(block_ref: str) -> list[Path]:
     included.
     """
     place = COMPONENTS / "blocks" / f"{own.identifier(block_ref)}.py"
-    todo, found = [place], list[Path]()
+    todo, paths = [place], list[Path]()
     if own.is_own(block_ref):
-        todo = [place.parent / "__init__.py", *_imported(place, own.shipped(block_ref))]
+        todo = [
+            place.parent / "__init__.py",
+            *_imported_files(place, own.shipped_text(block_ref)),
+        ]
     while todo:
         path = todo.pop()
-        if path in found:
+        if path in paths:
             continue
-        found.append(path)
+        paths.append(path)
         if (initial := path.parent / "__init__.py").exists():
             todo.append(initial)
-        todo += _imported(path, path.read_text(encoding="utf-8"))
-    data = [p.with_suffix(".json") for p in found if p.with_suffix(".json").is_file()]
-    return found + data
+        todo += _imported_files(path, path.read_text(encoding="utf-8"))
+    data = [p.with_suffix(".json") for p in paths if p.with_suffix(".json").is_file()]
+    return paths + data
 
 
 @cache
-def _imported(path: Path, text: str) -> list[Path]:
+def _imported_files(path: Path, text: str) -> list[Path]:
     """Return the files of its own package that a file with this text imports."""
-    found = []
+    paths = []
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.ImportFrom) and node.level:
             base = path.parents[node.level - 1].joinpath(
                 *(node.module or "").split(".")
             )
             candidates = (base, *(base / alias.name for alias in node.names))
-            found += [
+            paths += [
                 c.with_suffix(".py")
                 for c in candidates
                 if c.with_suffix(".py").is_file()
             ]
-    return found
+    return paths
 
 
-def computed(block_ref: str) -> dict[str, Any]:
+def index_entry(block_ref: str) -> dict[str, Any]:
     """Return the index entry for what a block computes.
 
     `computes` is its hash; `files` are its files and `files_sha256` is the hash of
@@ -72,7 +75,7 @@ def computed(block_ref: str) -> dict[str, Any]:
     return {
         "computes": _hash_of(texts),
         "files": [p.relative_to(COMPONENTS).as_posix() for p in files],
-        "files_sha256": _hashed(files),
+        "files_sha256": _hash_files(files),
     }
 
 
@@ -82,11 +85,11 @@ def is_as(entry: dict[str, Any]) -> bool:
     return (
         bool(files)
         and all(f.is_file() for f in files)
-        and (_hashed(files) == entry["files_sha256"])
+        and (_hash_files(files) == entry["files_sha256"])
     )
 
 
-def _hashed(files: list[Path]) -> str:
+def _hash_files(files: list[Path]) -> str:
     """Compute the sha256 of the bytes of files."""
     digest = hashlib.sha256()
     for path in files:
@@ -178,9 +181,10 @@ class _Module:
     """Top-level statements of a file, the names they define, and its imports."""
 
     def __init__(self, path: Path) -> None:
+        """Read a Python file: its statements, what they define and what it imports."""
         self.path = path
         self.statements: list[ast.stmt] = []
-        self.defined: dict[str, list[int]] = {}  # name -> statements that define it
+        self.definitions: dict[str, list[int]] = {}  # name -> statements that define it
         self.always: list[int] = []  # statements that define no name, and run
         self.local: dict[
             str, tuple[Path, str]
@@ -225,13 +229,13 @@ class _Module:
         self.statements.append(node)
         names = _names_defined(node)
         for name in names:
-            self.defined.setdefault(name, []).append(place)
+            self.definitions.setdefault(name, []).append(place)
         if not names:
             self.always.append(place)
 
 
 @cache
-def _module(path: Path, _modified: int) -> _Module:
+def _module(path: Path, _modification_time: int) -> _Module:
     """Read a file once for each of its modification times."""
     return _Module(path)
 
@@ -263,39 +267,41 @@ def used_by(path: Path) -> set[str]:
         A text for each definition, and for each name of another package.
     """
     texts = set[str]()
-    done = set[tuple[Path, int]]()
+    places_visited = set[tuple[Path, int]]()
     first = _module(path, path.stat().st_mtime_ns)
     todo = [(first, place) for place in range(len(first.statements))]
     while todo:
         module, place = todo.pop()
-        if (module.path, place) in done:
+        if (module.path, place) in places_visited:
             continue
-        done.add((module.path, place))
+        places_visited.add((module.path, place))
         node = module.statements[place]
         texts.add(_dump(node, True))
         todo += [(module, other) for other in module.always]
         for name, attribute in _names_used(node):
-            if name in module.defined:
-                todo += [(module, other) for other in module.defined[name]]
+            if name in module.definitions:
+                todo += [(module, other) for other in module.definitions[name]]
             elif name in module.outside:
                 texts.add(f"import {module.outside[name]}")
             elif name in module.local:
-                todo += _found(*module.local[name], attribute)
+                todo += _defining_statements(*module.local[name], attribute)
     return texts
 
 
-def _found(path: Path, name: str, attribute: str) -> list[tuple[_Module, int]]:
+def _defining_statements(
+    path: Path, name: str, attribute: str
+) -> list[tuple[_Module, int]]:
     """Return the statements of a file that define a name.
 
     Without a name, `attribute` is searched for; where that is not found either, all
     statements are returned.
     """
     module = _module(path, path.stat().st_mtime_ns)
-    searched = name or attribute
-    if searched in module.defined:
-        return [(module, place) for place in module.defined[searched]]
-    if searched in module.local:  # the module re-exports it
-        return _found(*module.local[searched], "")
+    sought_name = name or attribute
+    if sought_name in module.definitions:
+        return [(module, place) for place in module.definitions[sought_name]]
+    if sought_name in module.local:  # the module re-exports it
+        return _defining_statements(*module.local[sought_name], "")
     return [(module, place) for place in range(len(module.statements))]
 
 

@@ -62,10 +62,10 @@ LINK = ("-shared", "-s", "-Wl,--build-id=none", "-Wl,-z,defs")
 @cache
 def compiler_version() -> str:
     """Return the first line of the compiler's version text."""
-    done = subprocess.run(
+    process = subprocess.run(
         [*compiler(), "--version"], capture_output=True, text=True, check=True
     )
-    return done.stdout.partition("\n")[0]
+    return process.stdout.partition("\n")[0]
 
 
 def platform() -> str:
@@ -129,10 +129,12 @@ def targets_of(platforms: str) -> tuple[Target, ...]:
     if not platforms:
         return (HERE_ALONE,)
     zig()
-    known = dict.fromkeys(t.platform for t in EVERYWHERE)
-    names = list(known) if platforms == "all" else platforms.split(",")
-    if wrong := [p for p in names if p not in known]:
-        raise ValueError(f"platform {wrong[0]}: there is all, {', '.join(known)}")
+    platform_names = dict.fromkeys(t.platform for t in EVERYWHERE)
+    names = list(platform_names) if platforms == "all" else platforms.split(",")
+    if wrong := [p for p in names if p not in platform_names]:
+        raise ValueError(
+            f"platform {wrong[0]}: there is all, {', '.join(platform_names)}"
+        )
     return tuple(t for t in EVERYWHERE if t.platform in names)
 
 
@@ -165,12 +167,12 @@ def sources(block_ref: str) -> tuple[dict[str, str], str]:
         If the block leaves the subset.
     """
     block, name = block_class(block_ref), identifier(block_ref)
-    described = model_description(block, name, "", DATE, version("desat"))
-    return with_wrapper({f"{name}.c": translate(block, name, "@GUID@")}, described)
+    description = model_description(block, name, "", DATE, version("desat"))
+    return with_wrapper({f"{name}.c": translate(block, name, "@GUID@")}, description)
 
 
 def with_wrapper(
-    own_files: dict[str, str], described: bytes
+    own_files: dict[str, str], description: bytes
 ) -> tuple[dict[str, str], str]:
     """Add the wrapper's files to C files, put the GUID in, and return both.
 
@@ -181,7 +183,7 @@ def with_wrapper(
         p.name: p.read_text(encoding="utf-8") for p in sorted(WRAPPER.iterdir())
     } | own_files
     digest = hashlib.sha256(" ".join(FLAGS).encode())
-    digest.update(described)
+    digest.update(description)
     for file, text in sorted(files.items()):
         digest.update(f"\0{file}\0".encode() + text.encode())
     guid = f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}"
@@ -209,14 +211,14 @@ def check_room(message: str, target: str) -> None:
             raise OSError(number, os.strerror(number), target)
 
 
-def _run(command: list[str], folder: Path) -> None:
+def _run_compiler(command: list[str], folder: Path) -> None:
     """Run a compiler, or raise an error with its message."""
-    done = subprocess.run(
+    process = subprocess.run(
         command, cwd=folder, capture_output=True, text=True, check=False
     )
-    if done.returncode:
-        check_room(done.stderr, f"compiler {command[0]}")
-        raise RuntimeError(f"{' '.join(command)}: {done.stderr.strip()[:2000]}")
+    if process.returncode:
+        check_room(process.stderr, f"compiler {command[0]}")
+        raise RuntimeError(f"{' '.join(command)}: {process.stderr.strip()[:2000]}")
 
 
 def compile_wrapper(shared: Path, targets: Sequence[Target] = (HERE_ALONE,)) -> None:
@@ -227,7 +229,7 @@ def compile_wrapper(shared: Path, targets: Sequence[Target] = (HERE_ALONE,)) -> 
         for path in WRAPPER.iterdir():
             (folder / path.name).write_bytes(path.read_bytes())
         for name in UNITS:
-            _run(
+            _run_compiler(
                 [*target.compiler, *FLAGS, "-c", f"{name}.c", "-o", f"{name}.o"], folder
             )
 
@@ -256,13 +258,17 @@ def compile_block(
 
     def one(unit: str) -> None:
         """Compile one C file."""
-        _run([*target.compiler, *FLAGS, "-c", f"{unit}.c", "-o", f"{unit}_.o"], folder)
+        _run_compiler(
+            [*target.compiler, *FLAGS, "-c", f"{unit}.c", "-o", f"{unit}_.o"], folder
+        )
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(one, units))
     library = f"{name}{target.suffix}"
     objects = [*(f"{unit}_.o" for unit in units), *shared_objects]
-    _run([*target.compiler, *target.link, *objects, "-lm", "-o", library], folder)
+    _run_compiler(
+        [*target.compiler, *target.link, *objects, "-lm", "-o", library], folder
+    )
     return folder / library
 
 
@@ -292,19 +298,19 @@ def build(
     files, guid = sources(block_ref)
     block, name = block_class(block_ref), identifier(block_ref)
     units = sorted(f for f in files if f.endswith(".c"))
-    described = model_description(
+    description = model_description(
         block, name, guid, DATE, version("desat"), sources=units
     )
     dist.mkdir(parents=True, exist_ok=True)
     page = documentation(block, name)
     file, further = dist / f"{name}.fmu", licence(block)
-    return assemble(files, name, described, page, shared, file, targets, further)
+    return assemble(files, name, description, page, shared, file, targets, further)
 
 
 def assemble(
     files: dict[str, str],
     name: str,
-    described: bytes,
+    description: bytes,
     page: str,
     shared: Path,
     file: Path,
@@ -319,7 +325,7 @@ def assemble(
         C files by their name.
     name
         Name of the FMU.
-    described
+    description
         Model description as XML.
     page
         Documentation as HTML.
@@ -342,9 +348,11 @@ def assemble(
         with tempfile.TemporaryDirectory() as folder:
             library = compile_block(files, name, Path(folder), shared, target)
             member = f"binaries/{target.platform}/{library.name}"
-            by_platform.setdefault(member, []).append(undated(library.read_bytes()))
+            by_platform.setdefault(member, []).append(
+                zero_link_time(library.read_bytes())
+            )
     members = {
-        "modelDescription.xml": described,
+        "modelDescription.xml": description,
         "documentation/index.html": page.encode(),
         **(further or {}),
         "model.png": ICON.read_bytes(),
@@ -354,7 +362,7 @@ def assemble(
     return pack(members, file)
 
 
-def undated(library: bytes) -> bytes:
+def zero_link_time(library: bytes) -> bytes:
     """Return a library with its link time set to zero, which Windows ones have."""
     if library[:2] != b"MZ":
         return library
@@ -382,7 +390,7 @@ def universal(binaries: Sequence[bytes]) -> bytes:
     return head + bytes(_PAGE - len(head)) + body
 
 
-def tried(
+def try_build(
     block_ref: str, dist: Path, shared: Path, targets: Sequence[Target] = (HERE_ALONE,)
 ) -> str:
     """Build the native FMU of a block; return the reason if there is none, or ""."""

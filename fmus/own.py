@@ -65,7 +65,7 @@ def identifier(block_ref: str) -> str:
     return file.stem
 
 
-def shipped(block_ref: str) -> str:
+def shipped_text(block_ref: str) -> str:
     """Return the text of a block file as an FMU holds it, line by line the same.
 
     Imports of `desat.components` become relative.
@@ -90,12 +90,12 @@ def shipped(block_ref: str) -> str:
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(_OURS):
             line = lines[node.lineno - 1]
             head, tail = line[: node.col_offset], line[node.col_offset :]
-            found = re.match(r"from\s+desat\.components\.", tail)
-            if found is None:
+            match = re.match(r"from\s+desat\.components\.", tail)
+            if match is None:
                 raise OwnBlockError(
                     f"{at}: write `from {node.module} import` on one line"
                 )
-            lines[node.lineno - 1] = f"{head}from ..{tail[found.end() :]}"
+            lines[node.lineno - 1] = f"{head}from ..{tail[match.end() :]}"
             continue
         names = (
             [node.module or ""]
@@ -134,11 +134,11 @@ def block_class(block_ref: str) -> type[Block]:
     Raises
     ------
     OwnBlockError
-        If the file does not hold exactly one complete block, or as in `shipped`.
+        If the file does not hold exactly one complete block, or as in `shipped_text`.
     """
     path = Path(block_ref)
     name = identifier(block_ref)
-    shipped(block_ref)
+    shipped_text(block_ref)
     text = _text(path)
     module = ModuleType(
         f"desat_own_{name}_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
@@ -157,20 +157,20 @@ def block_class(block_ref: str) -> type[Block]:
         raise OwnBlockError(
             f"{path.name}{line}: {type(error).__name__}: {error}"
         ) from error
-    found = [
+    classes = [
         c
         for c in vars(module).values()
         if inspect.isclass(c)
         and issubclass(c, Block)
         and c.__module__ == module.__name__
     ]
-    if len(found) != 1:
+    if len(classes) != 1:
         raise OwnBlockError(
             f"{path.name}: it must hold one class that derives from a role of "
             "desat.components.contract.roles, or from Block; it has "
-            f"{len(found)}"
+            f"{len(classes)}"
         )
-    (block,) = found
+    (block,) = classes
     first = next(
         n.lineno
         for n in ast.walk(_tree(path, text))
@@ -186,7 +186,7 @@ def block_class(block_ref: str) -> type[Block]:
             f"{path.name}:{first}: {block.__name__} lacks what its role leaves to "
             f"it: write `def {open_[0]}`"
         )
-    if missing := unassigned(block):
+    if missing := find_unassigned(block):
         raise OwnBlockError(f"{path.name}:{first}: {block.__name__}.{missing[0]}")
     if issubclass(block, Sampled):
         _bound_sample_time(block)
@@ -209,7 +209,7 @@ def _bound_sample_time(block: type[Sampled]) -> None:
     )
 
 
-def unassigned(block: type[Block]) -> list[str]:
+def find_unassigned(block: type[Block]) -> list[str]:
     """Return a line for each output of a block that keeps its start value for ever.
 
     A state output must be assigned by `output`, an interval output by `advance`, or by
@@ -217,22 +217,26 @@ def unassigned(block: type[Block]) -> list[str]:
     a similar name is assigned that is not declared. The list is empty where `setattr`
     or `vars` hides assignments.
     """
-    declared = {v.name for v in block.variables}
-    begun, *rest = (
+    declared_names = {v.name for v in block.variables}
+    start_names, *rest = (
         _attributes(block, name)[0] for name in ("start", "output", "advance")
     )
-    if any("*" in names for names in (begun, *rest)):
+    if any("*" in names for names in (start_names, *rest)):
         return []  # setattr or vars: assignments cannot be found
-    strange = {n for names in (begun, *rest) for n in names if n[0] != "_"} - declared
+    strange = {
+        n for names in (start_names, *rest) for n in names if n[0] != "_"
+    } - declared_names
     lines = []
     for v in block.variables:
         method = "advance" if v.interval else "output"
         if v.causality != "output" or v.name == "fault" or v.name in rest[v.interval]:
             continue
-        meant = difflib.get_close_matches(v.name, strange, 1)
-        if meant or v.name not in begun:
+        close_names = difflib.get_close_matches(v.name, strange, 1)
+        if close_names or v.name not in start_names:
             hint = (
-                f"; it assigns self.{meant[0]}, which is not declared" if meant else ""
+                f"; it assigns self.{close_names[0]}, which is not declared"
+                if close_names
+                else ""
             )
             lines.append(f"{v.name}: {method} does not assign this output{hint}")
     return lines
@@ -243,31 +247,35 @@ def _attributes(block: type[Block], method: str) -> tuple[set[str], set[str]]:
 
     `*` is among both where setattr or vars is used.
     """
-    mro, found, read = block.__mro__[:-1], set[str](), set[str]()
-    seen, todo = set[Any](), [(method, mro)]
+    mro, assigned_names, read = block.__mro__[:-1], set[str](), set[str]()
+    methods_visited, todo = set[Any](), [(method, mro)]
     while todo:
         name, classes = todo.pop()
         owner = next((c for c in classes if name in vars(c)), None)
         attribute = owner and vars(owner)[name]
         attribute = attribute.fget if isinstance(attribute, property) else attribute
-        if owner is None or not inspect.isfunction(attribute) or attribute in seen:
+        if (
+            owner is None
+            or not inspect.isfunction(attribute)
+            or attribute in methods_visited
+        ):
             continue
-        seen.add(attribute)
+        methods_visited.add(attribute)
         for node in ast.walk(ast.parse(textwrap.dedent(inspect.getsource(attribute)))):
             if isinstance(node, ast.Name) and node.id in ("setattr", "vars"):
-                found.add("*")
+                assigned_names.add("*")
                 read.add("*")
             if not isinstance(node, ast.Attribute):
                 continue
             of = ast.unparse(node.value)
             if of == "self" and isinstance(node.ctx, ast.Store):
-                found.add(node.attr)
+                assigned_names.add(node.attr)
             elif of == "self":
                 read.add(node.attr)
                 todo.append((node.attr, mro))
             elif of == "super()":
                 todo.append((node.attr, mro[mro.index(owner) + 1 :]))
-    return found, read
+    return assigned_names, read
 
 
 def _text(path: Path) -> str:

@@ -43,15 +43,15 @@ def _ours(name: str) -> type[Block]:
     if name not in names():
         raise KeyError(name)
     module = importlib.import_module(f"desat.components.blocks.{name}")
-    found = [
+    classes = [
         c
         for c in vars(module).values()
         if inspect.isclass(c)
         and issubclass(c, Block)
         and c.__module__ == module.__name__
     ]
-    if len(found) != 1:
+    if len(classes) != 1:
         raise TypeError(
-            f"components/blocks/{name}.py must hold one block, it has {len(found)}"
+            f"components/blocks/{name}.py must hold one block, it has {len(classes)}"
         )
-    return found[0]
+    return classes[0]

@@ -44,6 +44,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     block_class: ClassVar[Any]
 
     def __init__(self, **kwargs: Any) -> None:
+        """Create the block at its start values, before initialisation."""
         super().__init__(**kwargs)
         _PINNED.append(vars(sys.modules[type(self).__module__]))
         self.modelName = self.model_identifier()
@@ -55,7 +56,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         self._time = 0.0
         self._stop = math.inf
         self._set_starts()
-        self._unstarted = False  # start() has failed, and nothing else
+        self._start_failed = False  # start() has failed, and nothing else
         self._stale = False  # inputs or parameters changed since the last start()
         # the last selection read and written of each type: masters repeat themselves
         nothing: _Selection = ([], self._block.access([]), False)
@@ -120,7 +121,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
 
     def exit_initialization_mode(self) -> None:
         """Compute the outputs at the start and enter step mode."""
-        self._stale = self._stale or self._unstarted
+        self._stale = self._stale or self._start_failed
         self._refresh(ends=True)
         self._phase = _STEPPING
 
@@ -139,14 +140,14 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         if not self._stale or self._phase != _INITIALISING:
             return
         self._stale = False
-        if self._unstarted:  # the inputs may be complete by now
-            self._block.fault = self._unstarted = False
+        if self._start_failed:  # the inputs may be complete by now
+            self._block.fault = self._start_failed = False
         try:
             self._block.check()
             self._block.start()
             self._block.output(self._time)
         except BaseException as error:
-            self._unstarted = not self._block.fault
+            self._start_failed = not self._block.fault
             self._block.fault = True
             if ends:
                 self._fail("start", error)
@@ -182,28 +183,28 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
 
     def _select(self, vrs: list[int], kind: str) -> _Selection:
         """Return access to variables of one type, or raise TypeError."""
-        found = [self._scalars[vr][0] for vr in vrs]
-        for vr, variable in zip(vrs, found, strict=True):
+        variables = [self._scalars[vr][0] for vr in vrs]
+        for vr, variable in zip(vrs, variables, strict=True):
             if variable.type != kind:
                 raise TypeError(f"value reference {vr} ({variable.name}) is not {kind}")
         return (
             vrs,
             self._block.access(vrs),
-            any(v.causality == "parameter" for v in found),
+            any(v.causality == "parameter" for v in variables),
         )
 
-    def _get(self, vrs: list[int], kind: str, failed: Any) -> list[Any]:
-        """Return values, or `failed` for each where reading fails."""
+    def _get(self, vrs: list[int], kind: str, fallback: Any) -> list[Any]:
+        """Return values, or `fallback` for each where reading fails."""
         try:
             if self._stale:
                 self._refresh()
-            known, access, _ = self._reading[kind]
-            if vrs != known:
+            last_vrs, access, _ = self._reading[kind]
+            if vrs != last_vrs:
                 self._reading[kind] = _, access, _ = self._select(vrs, kind)
             return access.read()  # type: ignore[no-any-return]
         except BaseException as error:
             self._fail(f"get {kind}", error)
-            return [failed] * len(vrs)
+            return [fallback] * len(vrs)
 
     def _name_of(self, vr: int) -> str:
         """Return the name of the element with a value reference."""
@@ -213,8 +214,8 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     def _set(self, vrs: list[int], values: list[Any], kind: str) -> None:
         """Write values; log an error for an output, no number, or a fixed parameter."""
         try:
-            known, access, parameter = self._writing[kind]
-            if vrs != known:
+            last_vrs, access, parameter = self._writing[kind]
+            if vrs != last_vrs:
                 if outputs := [
                     vr for vr in vrs if self._scalars[vr][0].causality == "output"
                 ]:

@@ -64,7 +64,7 @@ def read(text: str) -> Starts:
     return Starts(origin[3:], guid[5:], tuple(values))
 
 
-def _written(starts: Starts) -> str:
+def _text_of(starts: Starts) -> str:
     """Return the file of start values."""
     lines = [_HEAD, f"of {starts.origin}", f"guid {starts.guid}"]
     for kind, reference, value in starts.values:
@@ -94,16 +94,16 @@ def with_starts(
     values
         The start values.
     """
-    ordered = tuple(sorted(values, key=lambda start: start.reference))
+    sorted_starts = tuple(sorted(values, key=lambda start: start.reference))
     root = etree.fromstring(members[_DESCRIPTION])
     key = "guid" if root.get("fmiVersion") == "2.0" else "instantiationToken"
-    text = _written(Starts(origin, "", ordered))
+    text = _text_of(Starts(origin, "", sorted_starts))
     guid = f"{{{uuid.uuid5(uuid.NAMESPACE_OID, (root.get(key) or '') + text)}}}"
     root.set(key, guid)
-    _describe(root, {start.reference: start.value for start in ordered})
-    described: bytes = etree.tostring(root, xml_declaration=True, encoding="UTF-8")
-    written = _written(Starts(origin, guid, ordered)).encode()
-    return {**members, _DESCRIPTION: described, MEMBER: written}
+    _describe(root, {start.reference: start.value for start in sorted_starts})
+    description: bytes = etree.tostring(root, xml_declaration=True, encoding="UTF-8")
+    member_text = _text_of(Starts(origin, guid, sorted_starts)).encode()
+    return {**members, _DESCRIPTION: description, MEMBER: member_text}
 
 
 def _describe(root: etree._Element, values: Mapping[int, Scalar]) -> None:

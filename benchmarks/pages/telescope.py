@@ -14,7 +14,7 @@ import numpy as np
 
 from desat.analyses.coil_bound import course_of
 from desat.analyses.manifest import Manifest
-from desat.components.maths.attitude import normalised, rotate
+from desat.components.maths.attitude import normalise, rotate
 from desat.engine.recording.results import Results
 from desat.system.model import System
 from desat.system.parameters import bare_block
@@ -111,7 +111,7 @@ def work(system: System) -> float:
     ]
     for block in blocks:
         block.start()
-    manager.q_bi = q = normalised(guidance.q_target_bi)
+    manager.q_bi = q = normalise(guidance.q_target_bi)
     manager.h_wheel = (5.0, -3.0, 8.0, 2.0)
     counter = _Counter()
     manager.dump = counter.counting(manager.dump)

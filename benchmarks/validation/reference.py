@@ -151,7 +151,7 @@ class Computers:
             one("manager", "wheel_sample_time") or one("manager", "sample_time")
         )
         self.pinv = wheel_array.pseudo_inverse(plant.axes)
-        self.q_ref = attitude.normalised(many("guidance", "q_target_bi"))
+        self.q_ref = attitude.normalise(many("guidance", "q_target_bi"))
         self.gains = tuple(one("controller", n) for n in ("kp", "kd", "ki"))
         self.gain_matrix = many("controller", "gain_matrix")
         self.integral_limit = one("controller", "integral_limit")
@@ -190,14 +190,14 @@ class Computers:
             part(y, Q), omega, self.q_ref, vector.ZERO
         )
         time = self.clocks["controller"].sample_time
-        xi = attitude_control.integrated(self.xi, e, time, self.integral_limit)
+        xi = attitude_control.integrate_error(self.xi, e, time, self.integral_limit)
         tau = self._pid(e, d_omega, xi)
-        if self.anti_windup and tau != attitude_control.limited(
+        if self.anti_windup and tau != attitude_control.limit_torque(
             tau, self.control_limit
         ):
             xi = attitude_control.unwound(self.xi, xi)
             tau = self._pid(e, d_omega, xi)
-        self.xi, self.tau = xi, attitude_control.limited(tau, self.control_limit)
+        self.xi, self.tau = xi, attitude_control.limit_torque(tau, self.control_limit)
         return self.tau
 
     def _pid(self, e: Vec3, d_omega: Vec3, xi: Vec3) -> Vec3:

@@ -77,7 +77,7 @@ def advance(
             lambda t, x, held=held: watch.values(t, x, held, late),  # type: ignore[misc]
             dense=late is not None,
         )
-        y[Q] = attitude.normalised(part(y, Q))
+        y[Q] = attitude.normalise(part(y, Q))
         y[H] = plant.motion(end, y, held, late)[1]
         pieces.append(Piece(t0, end, solution, held))
         if event is None:

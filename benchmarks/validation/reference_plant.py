@@ -300,7 +300,7 @@ class Plant:
             (0, 0, 0, 0): vector.inverse(self.carrier)
         }
         self._orbit(values)
-        self._q = attitude.normalised(many("spacecraft", "q_start_bi"))
+        self._q = attitude.normalise(many("spacecraft", "q_start_bi"))
         self._omega = many("spacecraft", "omega_start_body")
         self._h = many("wheels", "h_start_wheel")
 

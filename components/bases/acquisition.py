@@ -181,8 +181,8 @@ class Acquisition(Manager, WheelAxes):
         self._check()
         self._sequence = self.sequence()
         self.phase, self.reason = self._sequence[0], START
-        self._changed = START
-        self._begun = self._held_since = -1.0
+        self._change_reason = START
+        self._phase_begin = self._held_since = -1.0
         self._b: Vec3 | None = None
         self._b_rate: Vec3 | None = None
         self._b_time = 0.0
@@ -191,7 +191,9 @@ class Acquisition(Manager, WheelAxes):
         self.coil_saturated = False
         self.mode = IDLE
 
-    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+    def foresee(
+        self, begin: float, end: float, wired_names: frozenset[str]
+    ) -> Iterator[str]:
         """Yield the problems known before a run: also inputs that the phases need."""
         later = (
             ("q_bi", "q_ref_bi", "h_wheel", "tau_cmd_wheel")
@@ -199,9 +201,9 @@ class Acquisition(Manager, WheelAxes):
             else ()
         )
         for name in dict.fromkeys((*self.for_rate(), *later)):
-            if name not in wired:
+            if name not in wired_names:
                 yield f"{name} is not wired: the law of {self._phases()} is of no use without it"
-        yield from super().foresee(begin, end, wired)
+        yield from super().foresee(begin, end, wired_names)
 
     def _phases(self) -> str:
         """Return the name of the manager's task for a message."""
@@ -284,7 +286,7 @@ class Acquisition(Manager, WheelAxes):
         self._follow(t)
         phase = self.phase
         missing = self.act(self._sequence[-2] if phase == DONE else phase)
-        self.reason = missing or self._changed
+        self.reason = missing or self._change_reason
         on = any(self.m_cmd_body) or any(self.tau_cmd_wheel)
         self.mode = DUMPING if on else IDLE
 
@@ -298,10 +300,10 @@ class Acquisition(Manager, WheelAxes):
             return
         b, before, last = self.b_body, self._b, self._b_rate
         if before is not None:
-            elapsed = t - self._b_time
-            now = field_rate.difference(b, before, elapsed)
+            elapsed_time = t - self._b_time
+            now = field_rate.difference(b, before, elapsed_time)
             if self.field_rate == FILTERED and last is not None:
-                now = field_rate.filtered(last, now, self.cut_off, elapsed)
+                now = field_rate.low_pass(last, now, self.cut_off, elapsed_time)
             self._b_rate = now
         self._b, self._b_time = b, t
 
@@ -309,15 +311,15 @@ class Acquisition(Manager, WheelAxes):
 
     def _follow(self, t: float) -> None:
         """Change the phase where a condition, a time limit or a loss requires it."""
-        if self._begun < 0.0:
-            self._begun = t
+        if self._phase_begin < 0.0:
+            self._phase_begin = t
         phase = self.phase
         if phase != self._sequence[0] and self._is_lost(phase):
             self._enter(t, self._sequence[0], RATE_LOST)
         elif phase != DONE:
             if self._is_met(t, phase):
                 self._enter(t, self._next(phase), CONDITION_MET)
-            elif 0.0 < self.time_limit[phase] <= t - self._begun:
+            elif 0.0 < self.time_limit[phase] <= t - self._phase_begin:
                 self._enter(t, self._next(phase), TIME_LIMIT)
 
     def _next(self, phase: int) -> int:
@@ -330,8 +332,8 @@ class Acquisition(Manager, WheelAxes):
 
     def _enter(self, t: float, phase: int, reason: int) -> None:
         """Enter a phase at t (s) for a reason."""
-        self.phase, self._changed = phase, reason
-        self._begun, self._held_since = t, -1.0
+        self.phase, self._change_reason = phase, reason
+        self._phase_begin, self._held_since = t, -1.0
 
     def _is_lost(self, phase: int) -> bool:
         """Return whether a rate is above `rate_lost`.

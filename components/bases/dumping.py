@@ -65,35 +65,35 @@ class MomentumDumping(WheelManager):
     def start(self) -> None:
         super().start()
         self._to_wheels = pseudo_inverse(self.axes_wheel)
-        self._started: float | None = None
+        self._first_sample_time: float | None = None
         self.tau_cmd_wheel = (0.0, 0.0, 0.0, 0.0)
         self.m_cmd_body = self.tau_cmd_thruster_body = self._n = ZERO
         self.mode = IDLE
 
     @abstractmethod
-    def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
+    def dump(self, t: float, elapsed_time: float, h: Vec3) -> tuple[Vec3, Split]:
         """Compute the dumping torque N (N m) and its split, body, at t (s); set `mode`.
 
-        `elapsed` (s) counts from the first sample with `enable` and `valid_h`; h (N m
+        `elapsed_time` (s) counts from the first sample with `enable` and `valid_h`; h (N m
         s, body) is the wheels' momentum less its target.
         """
 
     def compute(self, t: float, dt: float) -> None:
         """Compute the dump at a sample and command the wheels where they are due."""
-        sampled = self.due(t)
-        if sampled:
+        is_sample = self.due(t)
+        if is_sample:
             if self.enable and self.valid_h:
-                if self._started is None:
-                    self._started = t
+                if self._first_sample_time is None:
+                    self._first_sample_time = t
                 h = sub(
                     body_momentum(self.axes_wheel, self.h_wheel), self.h_target_body
                 )
-                self._n, split = self.dump(t, t - self._started, h)
+                self._n, split = self.dump(t, t - self._first_sample_time, h)
                 self.m_cmd_body, self.tau_cmd_thruster_body = split
             else:
                 self._n = self.m_cmd_body = self.tau_cmd_thruster_body = ZERO
                 self.mode = IDLE
-        if self.wheels_due(t, sampled):
+        if self.wheels_due(t, is_sample):
             self.tau_cmd_wheel = wheel_torque(
                 self._to_wheels,
                 self.axes_wheel,
@@ -149,18 +149,18 @@ class TorquerDumping(MomentumDumping):
     )
 
     @abstractmethod
-    def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:
+    def dipole(self, elapsed_time: float, h: Vec3) -> Vec3 | None:
         """Compute the dipole (A m2, body) at a sample; None where the law has none.
 
         Arguments as of `dump`.
         """
 
-    def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
+    def dump(self, t: float, elapsed_time: float, h: Vec3) -> tuple[Vec3, Split]:
         """Compute the torque of the law's dipole; idle without a valid field."""
         if not self.valid_b:
             self.mode = IDLE
             return ZERO, (ZERO, ZERO)
-        m = self.dipole(elapsed, h)
+        m = self.dipole(elapsed_time, h)
         self.mode = IDLE if m is None else DUMPING
         m = ZERO if m is None else m
         m = clip(m, self.m_limit) if self.saturation else m

@@ -78,9 +78,9 @@ class EarthField(Block):
         )
         of_date = self.eci_frame == EQUATOR_OF_DATE
         self._precession = IDENTITY if of_date else earth.precession(self.epoch_j2000)
-        self.covered(0.0, 0.0, igrf)
+        self.check_igrf_years(0.0, 0.0, igrf)
 
-    def covered(self, begin: float, end: float, igrf: bool) -> None:
+    def check_igrf_years(self, begin: float, end: float, igrf: bool) -> None:
         """Check that IGRF-14 covers begin to end (s), if `igrf` is true.
 
         Raises

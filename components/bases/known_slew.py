@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..contract.block import TURN, Block, Parameter, Vec3, Vec4
 from ..contract.roles import UPRIGHT
 from ..laws.attitude_control import eigenaxis
-from ..maths.attitude import normalised
+from ..maths.attitude import normalise
 from ..maths.vector import ZERO, scale
 
 
@@ -42,8 +42,8 @@ class Slew(Block):
             self.fail(
                 f"t_end = {self.t_end} s must be after t_begin = {self.t_begin} s"
             )
-        self._q_begin = normalised(self.q_begin_bi)
-        axis, angle = eigenaxis(self._q_begin, normalised(self.q_end_bi))
+        self._q_begin = normalise(self.q_begin_bi)
+        axis, angle = eigenaxis(self._q_begin, normalise(self.q_end_bi))
         self._rotation = (
             scale(angle, axis) if self.slew_body == ZERO else self.slew_body
         )

@@ -139,7 +139,7 @@ class MomentumManagement(MomentumDumping):
         falls back on a dipole. h (N m s, body): the momentum less its target.
         """
 
-    def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
+    def dump(self, t: float, elapsed_time: float, h: Vec3) -> tuple[Vec3, Split]:
         """Compute the torque of the law's dipole, and its split.
 
         Idle without valid field or attitude.
@@ -163,7 +163,7 @@ class MomentumManagement(MomentumDumping):
         if m is None:
             self.mode, self.tau_desired_body = FALLBACK, ZERO
             return ZERO, (ZERO, ZERO)
-        m = laws.reduced(m, to_wheels(self._to_coils, m), self.m_limit)
+        m = laws.scale_to_limit(m, to_wheels(self._to_coils, m), self.m_limit)
         return cross(m, self._b), (m, ZERO)
 
     def field(self) -> Vec3:

@@ -143,21 +143,28 @@ class NearEarth(Environment, EarthField):
         )
         self._piece: _Piece | None = None
 
-    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+    def foresee(
+        self, begin: float, end: float, wired_names: frozenset[str]
+    ) -> Iterator[str]:
         """Yield the problems known before a run: epoch, height, third bodies."""
         # the polynomials of the last step extend beyond it
-        self.covered(begin, end + NODE_TIME * (NODES // 2), self.field == _IGRF)
+        self.check_igrf_years(
+            begin, end + NODE_TIME * (NODES // 2), self.field == _IGRF
+        )
         years = tuple(earth.decimal_year(self.epoch_j2000 + t) for t in (begin, end))
         first, last = earth.SUN_YEARS
         if (
-            wired & {"sun_eci", "sunlight"}
+            wired_names & {"sun_eci", "sunlight"}
             and not first <= min(years) <= max(years) <= last
         ):
             yield (
                 f"epoch_j2000 = {self.epoch_j2000:.10g} s: the year {max(years):.2f} is outside "
                 f"[{first:.0f}, {last:.0f}], in which the Sun's direction is good to 0.01 deg"
             )
-        if self.atmosphere not in (NO_AIR, _AIR_EXPONENTIAL) and "density" in wired:
+        if (
+            self.atmosphere not in (NO_AIR, _AIR_EXPONENTIAL)
+            and "density" in wired_names
+        ):
             a, e = self.size()
             low, high = a * (1.0 - e) - EARTH_RADIUS, a * (1.0 + e) - EARTH_RADIUS
             least, most = atmosphere.HEIGHTS
@@ -169,7 +176,7 @@ class NearEarth(Environment, EarthField):
                     f"{1e-3 * most:.0f} km, the orbit is {1e-3 * low:.0f} to {1e-3 * high:.0f} "
                     "km high: it is extrapolated"
                 )
-        if not self.third_bodies and "r_eci" in wired:
+        if not self.third_bodies and "r_eci" in wired_names:
             yield from self._left_out(end - begin)
 
     def _left_out(self, span: float) -> Iterator[str]:

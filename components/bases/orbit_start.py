@@ -5,7 +5,13 @@ from __future__ import annotations
 from ..contract.block import TURN, Block, Parameter, Vec3
 from ..maths.vector import mat_vec
 from ..physics import averaging, earth
-from ..physics.orbit import EARTH_RADIUS, MU, Elements, elements_from_state, turned
+from ..physics.orbit import (
+    EARTH_RADIUS,
+    MU,
+    Elements,
+    elements_from_state,
+    rotate_elements,
+)
 
 MEAN, OSCULATING, STATE = range(3)
 _AS_ECI, _J2000 = 0, 2
@@ -84,7 +90,7 @@ class OrbitStart(Block):
                 f"{name}: the perigee at {perigee:g} m is inside the Earth, {EARTH_RADIUS:g} m"
             )
         if self._from_j2000():
-            elements = turned(elements, earth.precession(self.epoch_j2000))
+            elements = rotate_elements(elements, earth.precession(self.epoch_j2000))
         start_kind = MEAN if self.orbit_start == MEAN else OSCULATING
         if degree == 1 or start_kind == kind:
             return elements

@@ -100,7 +100,7 @@ class PulsedThrusters(Thrusters):
                 self.schedule_start[i],
                 self.schedule_start[i] + duration,
                 i,
-                self.scheduled(i),
+                self.scheduled_jet(i),
             )
             for i, duration in enumerate(self.schedule_duration)
             if duration > 0.0
@@ -142,7 +142,7 @@ class PulsedThrusters(Thrusters):
             seconds = _add(mean, slope, force, jet, begin, end, t, dt)
             self._schedule_on_time += seconds
             self._schedule_propellant += seconds * jet[2] / exhaust
-            self.fired_as_scheduled(i, seconds)
+            self.record_scheduled_firing(i, seconds)
         self.tau_mean_thruster_body = (mean[0], mean[1], mean[2])
         self.tau_slope_thruster_body = (slope[0], slope[1], slope[2])
         self.force_mean_thruster_body = (force[0], force[1], force[2])
@@ -173,7 +173,7 @@ class PulsedThrusters(Thrusters):
             )
             self._on_time += seconds
             self._propellant += seconds * thrust / exhaust
-            self.fired(i, seconds)
+            self.record_firing(i, seconds)
         if share < 1.0:
             self._propellant = self.propellant_limit()
 
@@ -188,16 +188,16 @@ class PulsedThrusters(Thrusters):
         The command is that for this sample period (s).
         """
 
-    def scheduled(self, i: int) -> Jet:
+    def scheduled_jet(self, i: int) -> Jet:
         """Return the effect of the scheduled firing i."""
         x, y, z = self.schedule_tau_body[3 * i : 3 * i + 3]
         fx, fy, fz = self.schedule_force_body[3 * i : 3 * i + 3]
         return (x, y, z), (fx, fy, fz), norm((fx, fy, fz))
 
-    def fired(self, i: int, seconds: float) -> None:
+    def record_firing(self, i: int, seconds: float) -> None:
         """Record that the axis or nozzle i fired for some time (s) of this step."""
 
-    def fired_as_scheduled(self, i: int, seconds: float) -> None:
+    def record_scheduled_firing(self, i: int, seconds: float) -> None:
         """Record that the scheduled firing i lasted some time (s) of this step."""
 
     def _rest(self, i: int, jet: Jet) -> float:

@@ -30,22 +30,24 @@ class Sensor(Sampled):
 
     valid: bool
 
-    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+    def foresee(
+        self, begin: float, end: float, wired_names: frozenset[str]
+    ) -> Iterator[str]:
         """Yield the problems known before a run: also noise without a sample time."""
-        drawn = [name for name in self.white if getattr(self, name) > 0.0]
-        if drawn and self.sample_time <= 0.0:
+        noise_names = [name for name in self.white if getattr(self, name) > 0.0]
+        if noise_names and self.sample_time <= 0.0:
             yield (
-                f"{drawn[0]} = {getattr(self, drawn[0]):g} is drawn anew at every step, "
+                f"{noise_names[0]} = {getattr(self, noise_names[0]):g} is drawn anew at every step, "
                 "without a sample_time: what it does depends on the step"
             )
-        yield from super().foresee(begin, end, wired)
+        yield from super().foresee(begin, end, wired_names)
 
     def start(self) -> None:
         """Set the state to its start values and take the first sample."""
         super().start()
         self.valid = True
         self.measure(0, 0.0)
-        if failed(0.0, self.fail_time):
+        if has_failed(0.0, self.fail_time):
             self.mark_failed()
 
     def advance(self, t: float, dt: float) -> None:
@@ -53,7 +55,7 @@ class Sensor(Sampled):
         before = self._sample
         if not self.due(t):
             return
-        if failed(t, self.fail_time):
+        if has_failed(t, self.fail_time):
             self.mark_failed()
             return
         self.valid = True
@@ -67,14 +69,14 @@ class Sensor(Sampled):
         self.valid = False
 
     @abstractmethod
-    def measure(self, sample: int, elapsed: float) -> None:
-        """Take sample number `sample`, `elapsed` (s) after the last one.
+    def measure(self, sample: int, elapsed_time: float) -> None:
+        """Take sample number `sample`, `elapsed_time` (s) after the last one.
 
-        `elapsed` is 0 for the first.
+        `elapsed_time` is 0 for the first.
         """
 
 
-def failed(t: float, fail_time: float) -> bool:
+def has_failed(t: float, fail_time: float) -> bool:
     """Return whether t is at or after fail_time (s); never where it is negative."""
     # as in Sampled.due, rounding may make t = k h smaller than the exact time
     return 0.0 <= fail_time <= t + 1e-6

@@ -5,7 +5,7 @@ from math import exp
 from ..bases.sensing import Sensor, gauss_markov
 from ..contract.block import SMALL_ANGLE, Parameter, Vec3
 from ..contract.roles import AttitudeDetermination as Role
-from ..maths.attitude import propagated
+from ..maths.attitude import propagate
 from ..maths.noise import normal3, normal6, stream
 from ..maths.vector import ZERO, add, scale, unit
 
@@ -64,21 +64,21 @@ class AttitudeDetermination(Role, Sensor):
 
     def start(self) -> None:
         self._noise = stream(self.instance, "q_meas_bi", self.seed)
-        drawn = unit(normal3(self._noise, 0, _MISALIGNMENT))
+        direction = unit(normal3(self._noise, 0, _MISALIGNMENT))
         self._constant = add(
-            self.misalignment_body, scale(self.misalignment_norm, drawn)
+            self.misalignment_body, scale(self.misalignment_norm, direction)
         )
         _, markov = normal6(self._noise, 0)
         self._markov = scale(self.markov_sigma, markov)
         super().start()
 
-    def measure(self, sample: int, elapsed: float) -> None:
+    def measure(self, sample: int, elapsed_time: float) -> None:
         white = ZERO
         if self.noise > 0.0 or self.markov_sigma > 0.0:
             white, markov = normal6(self._noise, sample)
-            if elapsed > 0.0:
+            if elapsed_time > 0.0:
                 decay = (
-                    exp(-elapsed / self.correlation_time)
+                    exp(-elapsed_time / self.correlation_time)
                     if self.correlation_time
                     else 0.0
                 )
@@ -86,4 +86,4 @@ class AttitudeDetermination(Role, Sensor):
                     self._markov, decay, self.markov_sigma, markov
                 )
         error = add(add(self._constant, self._markov), scale(self.noise, white))
-        self.q_meas_bi = propagated(self.q_bi, error, 1.0)
+        self.q_meas_bi = propagate(self.q_bi, error, 1.0)

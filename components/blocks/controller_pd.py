@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from ..contract.block import Mat33, Parameter
 from ..contract.roles import Controller
-from ..laws.attitude_control import limited, pd_torque, tracking_error
+from ..laws.attitude_control import limit_torque, pd_torque, tracking_error
 from ..maths.vector import IDENTITY, ZERO
 
 
@@ -50,6 +50,11 @@ class ControllerPd(Controller):
         self.tau_ctrl_body = ZERO
 
     def compute(self, t: float, dt: float) -> None:
+        """Command the PD torque (N m, body) at a sample.
+
+        Eq. 10 of paper 004 without its integral, within `torque_limit`; zero while off
+        or while a measurement is invalid.
+        """
         if not self.due(t):
             return
         if not self.enable:
@@ -62,4 +67,4 @@ class ControllerPd(Controller):
             self.q_bi, self.omega_bi_body, self.q_ref_bi, self.omega_ref_body
         )
         tau = pd_torque(e, d_omega, self.kp, self.kd, self.gain_matrix)
-        self.tau_ctrl_body = limited(tau, self.torque_limit)
+        self.tau_ctrl_body = limit_torque(tau, self.torque_limit)

@@ -3,8 +3,8 @@ from __future__ import annotations
 from ..contract.block import Mat33, Parameter, Vec3
 from ..contract.roles import Controller
 from ..laws.attitude_control import (
-    integrated,
-    limited,
+    integrate_error,
+    limit_torque,
     pid_torque,
     tracking_error,
     unwound,
@@ -73,6 +73,12 @@ class ControllerPid(Controller):
         self._xi = self.tau_ctrl_body = ZERO
 
     def compute(self, t: float, dt: float) -> None:
+        """Command the PID torque (N m, body) at a sample.
+
+        Eq. 10 of paper 004, within `torque_limit`; zero while off or while a
+        measurement is invalid. With `anti_windup` the integral (s) of a limited command
+        only shrinks.
+        """
         if not self.due(t):
             return
         if not self.enable:
@@ -84,13 +90,13 @@ class ControllerPid(Controller):
         e, d_omega = tracking_error(
             self.q_bi, self.omega_bi_body, self.q_ref_bi, self.omega_ref_body
         )
-        xi = integrated(self._xi, e, self.sample_time or dt, self.integral_limit)
+        xi = integrate_error(self._xi, e, self.sample_time or dt, self.integral_limit)
         tau = self._torque(e, d_omega, xi)
-        if self.anti_windup and tau != limited(tau, self.torque_limit):
+        if self.anti_windup and tau != limit_torque(tau, self.torque_limit):
             xi = unwound(self._xi, xi)
             tau = self._torque(e, d_omega, xi)
         self._xi = xi
-        self.tau_ctrl_body = limited(tau, self.torque_limit)
+        self.tau_ctrl_body = limit_torque(tau, self.torque_limit)
 
     def _torque(self, e: Vec3, d_omega: Vec3, xi: Vec3) -> Vec3:
         """Compute the PID torque (3,) N m, body, before its limit."""

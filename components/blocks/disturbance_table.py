@@ -52,6 +52,7 @@ class DisturbanceTable(Disturbance):
     factor: float = Parameter("1", "factor on all torques", start=1.0)
 
     def start(self) -> None:
+        """Count the rows and sum the impulse (N m s) from the first row to each."""
         self.tau_ext_body = ZERO
         count = 1
         while count < ROWS and self.torque[4 * count] > self.torque[4 * count - 4]:
@@ -66,7 +67,9 @@ class DisturbanceTable(Disturbance):
             impulse = add(self._impulses[i - 1], self._within(i - 1, span))
             self._impulses = (*self._impulses, impulse)
 
-    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+    def foresee(
+        self, begin: float, end: float, wired_names: frozenset[str]
+    ) -> Iterator[str]:
         last = self.torque[4 * self._count - 4]
         if (
             self._count > 1
@@ -77,11 +80,11 @@ class DisturbanceTable(Disturbance):
                 f"torque: the table is from {self.torque[0]:g} to {last:g} s, the run from "
                 f"{begin:g} to {end:g} s; repeated = true begins it anew"
             )
-        yield from super().foresee(begin, end, wired)
+        yield from super().foresee(begin, end, wired_names)
 
     def advance(self, t: float, dt: float) -> None:
-        gained, before = self._until(t + dt), self._until(t)
-        x, y, z = (a - b for a, b in zip(gained, before, strict=True))
+        after, before = self._until(t + dt), self._until(t)
+        x, y, z = (a - b for a, b in zip(after, before, strict=True))
         tau = scale(self.factor / dt, (x, y, z))
         if self.frame == LVLH:
             tau = rotate_back(lvlh_attitude(self.r_eci, self.v_eci), tau)

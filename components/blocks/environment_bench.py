@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from ..contract.block import Parameter, Vec3
 from ..contract.roles import Environment
-from ..maths.attitude import IDENTITY_Q, propagated, rotate_back
+from ..maths.attitude import IDENTITY_Q, propagate, rotate_back
 from ..maths.vector import ZERO, cross, norm, unit
 
 
@@ -40,6 +40,6 @@ class EnvironmentBench(Environment):
         self.r_eci, self.v_eci = self.r_start, self.v_start
 
     def output(self, t: float) -> None:
-        self.b_eci = rotate_back(propagated(IDENTITY_Q, self.field_rate, t), self.field)
+        self.b_eci = rotate_back(propagate(IDENTITY_Q, self.field_rate, t), self.field)
         self.b_rate_eci = cross(self.field_rate, self.b_eci)
         self.b_accel_eci = cross(self.field_rate, self.b_rate_eci)

@@ -55,6 +55,7 @@ class EnvironmentOrbitDipole(Environment):
         self.sun_eci, self.sunlight, self.density = (ZERO, 0.0, 0.0)
 
     def output(self, t: float) -> None:
+        """Set orbit (m, m/s) and field (T) with two derivatives, eci, at t (s)."""
         n = self._rate
         u = self.phase + n * t
         c, s = cos(u), sin(u)

@@ -6,7 +6,7 @@ from ..bases.near_earth import NO_AIR, NODE_TIME, NODES, NearEarth, derivatives
 from ..bases.orbit_start import OSCULATING, STATE, OrbitStart
 from ..bases.pulses import STANDARD_GRAVITY
 from ..contract.block import Output, Parameter, Vec3
-from ..maths.attitude import propagated, rotate_back
+from ..maths.attitude import propagate, rotate_back
 from ..maths.runge_kutta import State, step8
 from ..maths.vector import norm
 from ..physics import earth
@@ -82,6 +82,7 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
     mass_left: float = Output("kg", "mass of the craft")
 
     def start(self) -> None:
+        """Check the parameters and begin the first arc at the start of the orbit."""
         super().start()
         self._mass, self._flow = self.mass, 0.0
         if self.specific_impulse > 0.0 and not self.firings:
@@ -107,6 +108,11 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
         return self.start_size()
 
     def motion(self, t: float) -> tuple[Vec3, Vec3]:
+        """Return position (m) and velocity (m/s) at t (s).
+
+        They are in the mean equator and equinox of date. Between the nodes they are
+        those of the interval's polynomials.
+        """
         interval = floor(t / NODE_TIME)
         s = t - NODE_TIME * interval
         if s == 0.0:
@@ -218,7 +224,7 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
             """Return the derivative of position and velocity: m/s and m/s2."""
             ax, ay, az = self._acceleration(t + e * dt, y, sun)
             if firing_since >= 0.0:
-                q = propagated(self.q_bi, self.omega_bi_body, firing_since + e * dt)
+                q = propagate(self.q_bi, self.omega_bi_body, firing_since + e * dt)
                 fx, fy, fz = rotate_back(q, self.force_mean_thruster_body)
                 mass = self._mass - self._flow * (firing_since + e * dt)
                 ax, ay, az = ax + fx / mass, ay + fy / mass, az + fz / mass

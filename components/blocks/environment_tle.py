@@ -74,7 +74,16 @@ class EnvironmentTle(NearEarth):
         usual=TURN,
     )
 
-    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+    def foresee(
+        self, begin: float, end: float, wired_names: frozenset[str]
+    ) -> Iterator[str]:
+        """Yield a warning where the run is far from the epoch of the elements.
+
+        Raises
+        ------
+        BlockError
+            If the run begins so far from it that SGP4 is not valid.
+        """
         since = self.epoch_j2000 - self.epoch_tle_j2000
         first, last = (since + begin) / DAY, (since + end) / DAY
         days = first if abs(first) > abs(last) else last
@@ -90,7 +99,7 @@ class EnvironmentTle(NearEarth):
                 f"(epoch_tle_j2000); beyond {DOUBTFUL:g} days SGP4 is off by tens of "
                 "kilometres"
             )
-        yield from super().foresee(begin, end, wired)
+        yield from super().foresee(begin, end, wired_names)
 
     def size(self) -> tuple[float, float]:
         return (MU / self.mean_motion**2) ** (1.0 / 3.0), self.eccentricity

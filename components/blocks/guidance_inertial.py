@@ -3,7 +3,7 @@ from __future__ import annotations
 from ..bases.pointing import PointingLaw
 from ..contract.block import Parameter, Vec3, Vec4
 from ..contract.roles import UPRIGHT
-from ..maths.attitude import normalised
+from ..maths.attitude import normalise
 from ..maths.vector import ZERO
 
 
@@ -23,7 +23,7 @@ class GuidanceInertial(PointingLaw):
         super().start()
         if not any(self.q_target_bi):
             self.fail("q_target_bi is zero; it must be a quaternion")
-        self._target = self.q_ref_bi = normalised(self.q_target_bi)
+        self._target = self.q_ref_bi = normalise(self.q_target_bi)
         self.start_reference()
 
     def point(self, t: float) -> tuple[Vec4, Vec3]:

@@ -3,7 +3,7 @@ from __future__ import annotations
 from ..bases.pointing import PointingLaw
 from ..contract.block import Parameter, Vec3, Vec4
 from ..contract.roles import UPRIGHT
-from ..maths.attitude import normalised, product, rotate
+from ..maths.attitude import normalise, product, rotate
 from ..maths.vector import cross, dot, norm, scale
 from ..physics.orbit import lvlh_attitude
 
@@ -34,7 +34,7 @@ class GuidanceNadir(PointingLaw):
         super().start()
         if not any(self.q_bo):
             self.fail("q_bo is zero; it must be a quaternion")
-        self._q_bo = normalised(self.q_bo)
+        self._q_bo = normalise(self.q_bo)
         self._axis = rotate(self._q_bo, (0.0, -1.0, 0.0))
         self.start_reference()
 

@@ -4,7 +4,7 @@ from ..bases.known_slew import Slew
 from ..bases.pointing import PointingLaw
 from ..contract.block import Vec3, Vec4
 from ..laws.attitude_control import rest_to_rest
-from ..maths.attitude import propagated
+from ..maths.attitude import propagate
 from ..maths.vector import scale
 
 
@@ -35,6 +35,6 @@ class GuidanceSlew(PointingLaw, Slew):
         duration = self.t_end - self.t_begin
         s, rate = rest_to_rest((t - self.t_begin) / duration)
         return (
-            propagated(self._q_begin, self._rotation, s),
+            propagate(self._q_begin, self._rotation, s),
             scale(rate / duration, self._rotation),
         )

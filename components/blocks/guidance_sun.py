@@ -46,6 +46,7 @@ class GuidanceSun(PointingLaw):
     )
 
     def start(self) -> None:
+        """Check both directions; compute the rotation from their axes to the body."""
         super().start()
         if norm(self.axis_body) == 0.0:
             self.fail("axis_body is zero; a direction is needed")

@@ -5,7 +5,7 @@ from math import atan2, cos, remainder, sin, sqrt, tau
 from ..bases.pointing import PointingLaw
 from ..contract.block import Parameter, Vec3, Vec4
 from ..contract.roles import UPRIGHT
-from ..maths.attitude import normalised, product, rotate
+from ..maths.attitude import normalise, product, rotate
 from ..maths.vector import cross, dot, norm
 from ..physics.orbit import lvlh_attitude
 
@@ -52,10 +52,10 @@ class GuidanceYaw(PointingLaw):
         super().start()
         if not any(self.q_bf):
             self.fail("q_bf is zero; it must be a quaternion")
-        self._q_bf = normalised(self.q_bf)
+        self._q_bf = normalise(self.q_bf)
         self._last = 0.0
         self._yaw = self._rate = 0.0
-        self._begun = False
+        self._has_begun = False
         self.start_reference()
 
     def point(self, t: float) -> tuple[Vec4, Vec3]:
@@ -73,7 +73,7 @@ class GuidanceYaw(PointingLaw):
         yaw = atan2(y, x) if across > 0.0 else self._yaw
         turning = -rate * y * z / (across * across) if across > 1e-9 else 0.0
         turning = self._within(turning, self.rate_limit)
-        if self._begun and t > self._last:
+        if self._has_begun and t > self._last:
             since = t - self._last
             self._yaw += since * self._rate
             behind = remainder(yaw - self._yaw, tau)
@@ -83,15 +83,15 @@ class GuidanceYaw(PointingLaw):
             )
             most = since * self.acceleration_limit
             self._rate += self._within(turning - self._rate, most)
-        elif not self._begun:
-            self._begun, self._yaw, self._rate = True, yaw, turning
+        elif not self._has_begun:
+            self._has_begun, self._yaw, self._rate = True, yaw, turning
         self._last = t
         half = 0.5 * self._yaw
-        turned = product((0.0, 0.0, sin(half), cos(half)), lvlh)
+        q_yaw = product((0.0, 0.0, sin(half), cos(half)), lvlh)
         # the orbital rate points along minus y of lvlh
         c, s = cos(self._yaw), sin(self._yaw)
         return (
-            product(self._q_bf, turned),
+            product(self._q_bf, q_yaw),
             rotate(self._q_bf, (-rate * s, -rate * c, self._rate)),
         )
 

@@ -67,7 +67,8 @@ class Magnetometer(Role, Sensor):
         self._noise = stream(self.instance, "b_body", self.seed)
         super().start()
 
-    def measure(self, sample: int, elapsed: float) -> None:
+    def measure(self, sample: int, elapsed_time: float) -> None:
+        """Measure the field (T, body) with bias, coils, response error and noise."""
         field = rotate(self.q_bi, self.b_eci)
         b = add(field, self.bias_body)
         if any(self.coil_coupling):

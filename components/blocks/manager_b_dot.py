@@ -69,17 +69,21 @@ class ManagerBDot(Manager):
         self.m_cmd_body = self.tau_cmd_thruster_body = ZERO
         self.mode = IDLE
         self._b: Vec3 | None = None
-        self._taken = 0.0
+        self._b_time = 0.0
 
     def compute(self, t: float, dt: float) -> None:
+        """Command M = -gain B' / |B|^2, or -plain_gain B' (A m2, body), at a sample.
+
+        B' (T/s) is the difference of two consecutive valid fields.
+        """
         if not self.due(t):
             return
         self.m_cmd_body, self.mode = ZERO, IDLE
         before, b = self._b, self.b_body
         self._b = b if self.valid_b else None
         if self.enable and self.valid_b and before is not None and dot(b, b) > 0.0:
-            rate = field_rate.difference(b, before, t - self._taken)
+            rate = field_rate.difference(b, before, t - self._b_time)
             gain = self.plain_gain if self.plain_gain > 0.0 else self.gain / dot(b, b)
             self.m_cmd_body = clip(scale(-gain, rate), self.m_limit)
             self.mode = DETUMBLING
-        self._taken = t
+        self._b_time = t

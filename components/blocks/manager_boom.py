@@ -93,6 +93,10 @@ class ManagerBoom(Boom):
         self.mode = IDLE
 
     def act(self, t: float) -> None:
+        """Command the coils by eq. 16 with the composed e, and the wheel by a PD law.
+
+        A recovery replaces both while the craft is turned over.
+        """
         a, (x, y, z) = self._a, self._rate
         h = self.momentum()
         lean = laws.tilt((a[2], a[5], a[8]))
@@ -120,12 +124,12 @@ class ManagerBoom(Boom):
 
     def _turn(self, u: Vec3, rate: float) -> bool:
         """Return whether the craft is being turned over; set the wheel's goal."""
-        upside_down, side = laws.inverted(u), 1.0 if u[0] >= 0.0 else -1.0
-        crossed = side != self._side
+        upside_down, side = laws.is_inverted(u), 1.0 if u[0] >= 0.0 else -1.0
+        has_crossed = side != self._side
         self._side = side
         if upside_down and not self._recovering:
-            self._recovering = crossed = True
-        if self._recovering and crossed:
+            self._recovering = has_crossed = True
+        if self._recovering and has_crossed:
             if not upside_down and abs(rate) < self.recovery_rate:
                 self._recovering = False
             sense = self.recovery_momentum if rate >= 0.0 else -self.recovery_momentum

@@ -14,7 +14,7 @@ from ..maths.attitude import (
     inverse,
     matrix,
     product,
-    propagated,
+    propagate,
     rotate,
     rotate_back,
 )
@@ -399,6 +399,7 @@ class ManagerBoomFeedforward(Boom, EarthField):
     )
 
     def start(self) -> None:
+        """Check wheels, schedule and inertia; set the estimates to start values."""
         super().start()
         check_inertia(self.inertia)
         self._inverse = inverse_inertia(self.inertia)
@@ -415,7 +416,7 @@ class ManagerBoomFeedforward(Boom, EarthField):
         self._variance = self._h_before = self._impulse = ZERO
         self._t_before = 0.0
         self._firing = NONE  # the latest that has begun
-        self._found = ZERO  # N m s: its impulse beyond the expected one
+        self._extra_impulse = ZERO  # N m s: its impulse beyond the expected one
         self._learnt = ZERO  # relative to a firing's size
         self._taught = NONE
         self._coil = ZERO
@@ -493,20 +494,22 @@ class ManagerBoomFeedforward(Boom, EarthField):
                 f"{self.sample_time:g} s, from which no orbit is learnt"
             )
 
-    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+    def foresee(
+        self, begin: float, end: float, wired_names: frozenset[str]
+    ) -> Iterator[str]:
         """Yield the problems known before a run: also a wheel that is too small."""
         if self.estimator == JOINT:
-            self.covered(begin, end, self.field_model == IGRF)
-            required = self._required_capacity(begin, ZERO)
-            if 0.0 < self.h_limit < required:
+            self.check_igrf_years(begin, end, self.field_model == IGRF)
+            capacity = self._required_capacity(begin, ZERO)
+            if 0.0 < self.h_limit < capacity:
                 yield (
                     f"h_limit = {self.h_limit:g} N m s: the largest firing, the bias and "
-                    f"dump_threshold need {required:.2g} N m s, without what an orbit gives "
+                    f"dump_threshold need {capacity:.2g} N m s, without what an orbit gives "
                     "and takes back"
                 )
         elif self.field_model != NO_MODEL:
             yield "field_model has no effect: estimator = separate_axes takes none"
-        yield from super().foresee(begin, end, wired)
+        yield from super().foresee(begin, end, wired_names)
 
     def _check_schedule(self) -> None:
         """Refuse firings that do not begin at a sample or that overlap."""
@@ -536,7 +539,7 @@ class ManagerBoomFeedforward(Boom, EarthField):
 
     # --- estimation -------------------------------------------------------------------
 
-    def _known(self, i: int) -> Vec3:
+    def _expected_torque(self, i: int) -> Vec3:
         """Return the expected torque (N m, body) of firing i before it begins."""
         x, y, z = self.schedule_tau_body[3 * i : 3 * i + 3]
         return add((x, y, z), scale(norm((x, y, z)), self._learnt))
@@ -552,8 +555,8 @@ class ManagerBoomFeedforward(Boom, EarthField):
             )
             if on > 0.0:
                 if i != self._firing:
-                    self._firing, self._found = i, ZERO
-                    self.tau_firing_body = self._known(i)
+                    self._firing, self._extra_impulse = i, ZERO
+                    self.tau_firing_body = self._expected_torque(i)
                 return on
         return 0.0
 
@@ -564,14 +567,14 @@ class ManagerBoomFeedforward(Boom, EarthField):
             return
         x, y, z = self.schedule_tau_body[3 * i : 3 * i + 3]
         size, duration = norm((x, y, z)), self.schedule_duration[i]
-        ended = t >= self.schedule_start[i] + duration + self.learning_time
-        if ended and size > 0.0:
+        is_complete = t >= self.schedule_start[i] + duration + self.learning_time
+        if is_complete and size > 0.0:
             self._learnt = add(
-                self._learnt, scale(1.0 / (size * duration), self._found)
+                self._learnt, scale(1.0 / (size * duration), self._extra_impulse)
             )
             self._taught = i
 
-    def _expected(self, t: float, on: float) -> Vec3:
+    def _expected_impulse(self, t: float, on: float) -> Vec3:
         """Predict the impulse (N m s) of the firing over this sample.
 
         The prediction uses the impulse observed so far.
@@ -580,10 +583,10 @@ class ManagerBoomFeedforward(Boom, EarthField):
             return ZERO
         i = self._firing
         past = t - self.schedule_start[i]
-        beyond = scale(1.0 / past, self._found) if past > 0.0 else ZERO
-        self.tau_firing_body = add(self._known(i), beyond)
+        beyond = scale(1.0 / past, self._extra_impulse) if past > 0.0 else ZERO
+        self.tau_firing_body = add(self._expected_torque(i), beyond)
         # this part is expected now, so it counts as found already
-        self._found = add(self._found, scale(on, beyond))
+        self._extra_impulse = add(self._extra_impulse, scale(on, beyond))
         return scale(on, self.tau_firing_body)
 
     def _estimate(self, t: float) -> Vec3:
@@ -594,45 +597,51 @@ class ManagerBoomFeedforward(Boom, EarthField):
             estimate, self._q = self.omega_bi_body, self.q_bi
             self._variance = (noise * noise, noise * noise, noise * noise)
         else:
-            elapsed = t - self._t_before
-            predicted = firing.predicted_rate(
+            elapsed_time = t - self._t_before
+            predicted_omega = firing.predicted_rate(
                 omega,
                 self._h_before,
                 h,
                 self._impulse,
                 self.inertia,
                 self._inverse,
-                elapsed,
+                elapsed_time,
             )
-            unknown = self._unknown_impulse(elapsed)
-            x, y, z = sub(self.omega_bi_body, predicted)
-            a = self._corrected(0, x, unknown, elapsed)
-            b = self._corrected(1, y, unknown, elapsed)
-            c = self._corrected(2, z, unknown, elapsed)
+            unknown = self._unknown_impulse(elapsed_time)
+            x, y, z = sub(self.omega_bi_body, predicted_omega)
+            a = self._correct_axis(0, x, unknown, elapsed_time)
+            b = self._correct_axis(1, y, unknown, elapsed_time)
+            c = self._correct_axis(2, z, unknown, elapsed_time)
             self._variance = (a[1], b[1], c[1])
             correction = (a[0], b[0], c[0])
-            self._found = add(self._found, mat_vec(self.inertia, correction))
+            self._extra_impulse = add(
+                self._extra_impulse, mat_vec(self.inertia, correction)
+            )
             self._learn(t)
-            estimate = add(predicted, correction)
-            q = propagated(self._q, scale(0.5, add(omega, predicted)), elapsed)
+            estimate = add(predicted_omega, correction)
+            q = propagate(
+                self._q, scale(0.5, add(omega, predicted_omega)), elapsed_time
+            )
             error = laws.rotation_vector(product(self.q_bi, inverse(q)))
-            self._q = propagated(q, scale(self.attitude_gain, error), 1.0)
+            self._q = propagate(q, scale(self.attitude_gain, error), 1.0)
         self._omega = self.omega_est_body = estimate
         self._h_before, self._t_before = h, t
         return estimate
 
-    def _corrected(
-        self, i: int, innovation: float, unknown: float, elapsed: float
+    def _correct_axis(
+        self, i: int, innovation: float, unknown: float, elapsed_time: float
     ) -> tuple[float, float]:
         """Correct axis i: return the change of its rate (rad/s) and its new variance.
 
         unknown: uncertainty of the firing's impulse (N m s).
         """
-        steady, fired = (
-            self.torque_noise[i] * elapsed / self._moments[i],
+        steady_rate, firing_rate = (
+            self.torque_noise[i] * elapsed_time / self._moments[i],
             unknown / self._moments[i],
         )
-        variance = self._variance[i] + steady * steady + fired * fired
+        variance = (
+            self._variance[i] + steady_rate * steady_rate + firing_rate * firing_rate
+        )
         gain = firing.kalman_gain(variance, self.gyro_noise)
         return gain * innovation, (1.0 - gain) * variance
 
@@ -642,28 +651,30 @@ class ManagerBoomFeedforward(Boom, EarthField):
         if self._omega is None or not self.valid_h:
             self._resume()
         else:
-            elapsed = t - self._t_before
+            elapsed_time = t - self._t_before
             self._q, self._state, self._covariance, correction, surprise = (
                 boom_filter.update(
                     self._q,
                     self._state,
                     self._covariance,
-                    self._interval(h, elapsed),
+                    self._interval(h, elapsed_time),
                     self._q_measured(),
                     self.omega_bi_body,
                     self._setting,
                 )
             )
-            self._found = add(self._found, mat_vec(self.inertia, correction))
+            self._extra_impulse = add(
+                self._extra_impulse, mat_vec(self.inertia, correction)
+            )
             self._learn(t)
-            self._filter_time += elapsed
+            self._filter_time += elapsed_time
             self._surprises = kalman.count_surprises(self._surprises, surprise)
             if self._surprises >= kalman.SURPRISES:
                 self.filter_restarts += 1
                 self._is_filtering = False
                 self._resume()
             if self.field_model != NO_MODEL:
-                self._find_offset(t, elapsed)
+                self._find_offset(t, elapsed_time)
         x = self._state
         self.bias_est_body = boom_filter.bias_of(x)
         self.tau_est_body = boom_filter.torque_of(x)
@@ -689,34 +700,36 @@ class ManagerBoomFeedforward(Boom, EarthField):
         """Return the measured attitude less its estimated error."""
         if self.field_model == NO_MODEL:
             return self.q_bi
-        return propagated(self.q_bi, scale(-1.0, self.offset_est_body), 1.0)
+        return propagate(self.q_bi, scale(-1.0, self.offset_est_body), 1.0)
 
     def _b_measured(self) -> Vec3:
         """Return the measured field (T, body) less the magnetometer's estimated bias."""
         return sub(self.b_body, attitude_error.field_error_of(self._error))
 
-    def _find_offset(self, t: float, elapsed: float) -> None:
+    def _find_offset(self, t: float, elapsed_time: float) -> None:
         """Find the attitude's constant error at t (s) by the field, and take it away.
 
-        elapsed: time (s) since the last sample.
+        elapsed_time: time (s) since the last sample.
         """
-        expected = rotate(
+        model_field = rotate(
             self._q, self.field_eci(self.r_eci, t, igrf=self.field_model == IGRF)
         )
         variance, self._field_remainder = attitude_error.variance_of(
             self._error,
             self._field_remainder,
             self.b_body,
-            expected,
+            model_field,
             self.field_noise,
-            elapsed,
+            elapsed_time,
             self.field_memory,
         )
         self._error, self._error_covariance, _ = attitude_error.update(
             self._error,
-            attitude_error.walked(self._error_covariance, self.offset_walk, elapsed),
+            attitude_error.add_walk(
+                self._error_covariance, self.offset_walk, elapsed_time
+            ),
             self.b_body,
-            expected,
+            model_field,
             variance,
             attitude_error.STATES,
         )
@@ -732,15 +745,15 @@ class ManagerBoomFeedforward(Boom, EarthField):
         )
         self.offset_est_body = offset
 
-    def _interval(self, h: Vec3, elapsed: float) -> boom_filter.Interval:
-        """Return the conditions since the last sample, elapsed (s) ago.
+    def _interval(self, h: Vec3, elapsed_time: float) -> boom_filter.Interval:
+        """Return the conditions since the last sample, elapsed_time (s) ago.
 
         h: the wheels' momentum (N m s, body).
         """
-        unknown = self._unknown_impulse(elapsed)
-        x, y, z = scale(elapsed, self.torque_noise)
+        unknown = self._unknown_impulse(elapsed_time)
+        x, y, z = scale(elapsed_time, self.torque_noise)
         return boom_filter.Interval(
-            elapsed,
+            elapsed_time,
             self._dipole_before,
             scale(0.5, add(self._field_before, self._b_measured())),
             self._nadir_before,
@@ -755,7 +768,7 @@ class ManagerBoomFeedforward(Boom, EarthField):
             ),
         )
 
-    def _unknown_impulse(self, elapsed: float) -> float:
+    def _unknown_impulse(self, elapsed_time: float) -> float:
         """Return the deviation of a firing's impulse (N m s) since the last sample."""
         if self._firing == NONE:
             return 0.0
@@ -764,16 +777,16 @@ class ManagerBoomFeedforward(Boom, EarthField):
             self.schedule_start[i],
             self.schedule_duration[i],
             self._t_before,
-            elapsed,
+            elapsed_time,
         )
         return self.firing_uncertainty * on * norm(self.tau_firing_body)
 
     # --- what the orbit gives back ----------------------------------------------------
 
-    def _follow_orbit(self, q: Vec4, elapsed: float) -> None:
-        """Learn the field of the orbit; q: attitude relative to it, elapsed in s."""
-        self._phase += norm(self.omega_ref_body) * elapsed
-        retention = orbit_momentum.retention_of(elapsed, self.field_memory)
+    def _follow_orbit(self, q: Vec4, elapsed_time: float) -> None:
+        """Learn the field of the orbit; q: attitude relative to it; elapsed_time in s."""
+        self._phase += norm(self.omega_ref_body) * elapsed_time
+        retention = orbit_momentum.retention_of(elapsed_time, self.field_memory)
         self._field, self._field_variance = orbit_momentum.learn_field(
             self._field,
             self._field_variance,
@@ -810,15 +823,19 @@ class ManagerBoomFeedforward(Boom, EarthField):
         )
 
     def _check_balance(
-        self, t: float, limited: bool, torque: orbit_momentum.OrbitTorque, n: float
+        self,
+        t: float,
+        is_lean_limited: bool,
+        torque: orbit_momentum.OrbitTorque,
+        n: float,
     ) -> None:
         """Set `reason` where leans or wheels do not suffice for what is known at t (s).
 
-        limited: whether the lean is; torque: over an orbit, less what a lean takes of it;
+        is_lean_limited: whether the lean is; torque: over an orbit, less what a lean takes of it;
         n: rate of the orbit (rad/s).
         """
         self._unbalanced_time = (
-            self._unbalanced_time + self.sample_time if limited else 0.0
+            self._unbalanced_time + self.sample_time if is_lean_limited else 0.0
         )
         if self.reason != NOTHING:
             return
@@ -849,11 +866,11 @@ class ManagerBoomFeedforward(Boom, EarthField):
         x = has[0] * (largest * x + periodic[0] + abs(bias[0]) + threshold)
         y = has[1] * (largest * y + periodic[1] + abs(bias[1]) + threshold)
         z = has[2] * (largest * z + periodic[2] + abs(bias[2]) + threshold)
-        required = 0.0
+        capacity = 0.0
         for i in range(4):
             p, q, r = self._to_wheels[3 * i : 3 * i + 3]
-            required = max(required, abs(p) * x + abs(q) * y + abs(r) * z)
-        return required
+            capacity = max(capacity, abs(p) * x + abs(q) * y + abs(r) * z)
+        return capacity
 
     def _lean_and_excess(self, t: float, h: Vec3) -> Vec3:
         """Return the lean (rad) of each axis at t (s); also set `h_excess_body`.
@@ -872,16 +889,16 @@ class ManagerBoomFeedforward(Boom, EarthField):
                 has[1] * mean[1] / k[1] if k[1] > 0.0 else 0.0,
                 0.0,
             )
-            limited = clip(equilibrium, self.lean_total_limit)
+            mean_lean = clip(equilibrium, self.lean_total_limit)
             remaining = orbit_momentum.OrbitTorque(
-                orbit_momentum.compute_net_torque(mean, k, limited),
+                orbit_momentum.compute_net_torque(mean, k, mean_lean),
                 torque.cosine,
                 torque.sine,
             )
             periodic = orbit_momentum.periodic_momentum(
                 remaining, self._phase, n, has[0] > 0.0
             )
-            self._check_balance(t, limited != equilibrium, remaining, n)
+            self._check_balance(t, mean_lean != equilibrium, remaining, n)
         x, y, z = sub(h, periodic) if self.valid_h else ZERO
         self.h_excess_body = (has[0] * x, has[1] * y, has[2] * z)
         if self._must_be_upright(t):
@@ -906,12 +923,17 @@ class ManagerBoomFeedforward(Boom, EarthField):
     # --- control ----------------------------------------------------------------------
 
     def act(self, t: float) -> None:
+        """Command wheels by the PD law less known torques, and coils by eq. 16.
+
+        The known torques (N m, body) are those of coils and firing, less omega x h
+        where h is valid; gravity enters the rate's estimate alone.
+        """
         if self.estimator == JOINT:
             self._act_jointly(t)
             return
         on = self._begin(t)
         omega = self._estimate(t)
-        expected = self._expected(t, on)
+        firing_impulse = self._expected_impulse(t, on)
         q = product(self._q, inverse(self.q_ref_bi))
         c = matrix(q)
         nadir: Vec3 = (c[2], c[5], c[8])
@@ -920,41 +942,41 @@ class ManagerBoomFeedforward(Boom, EarthField):
         m = self._dipole(nadir, turning, h)
         coil = cross(m, self.b_body)
         gyroscopic = cross(omega, body_momentum(self.axes_wheel, self.h_wheel))
-        taken = add(coil, scale(1.0 / self.sample_time, expected))
+        compensation = add(coil, scale(1.0 / self.sample_time, firing_impulse))
         if self.valid_h:
-            taken = sub(taken, gyroscopic)
+            compensation = sub(compensation, gyroscopic)
         lean = clip(scale(self.gain_lean, h), self.lean_limit)
         theta = sub(
             laws.rotation_vector(q),
             (lean[0] * self._has[0], lean[1] * self._has[1], 0.0),
         )
         self.mode = FIRING if on > 0.0 else CONTROLLING
-        self.give(m, self._within(sub(self._pd(theta, turning), taken)))
+        self.give(m, self._within(sub(self._pd(theta, turning), compensation)))
         gravity = laws.gravity_vector_torque(
             nadir, self.inertia, norm(self.omega_ref_body)
         )
-        self._impulse = add(scale(self.sample_time, add(coil, gravity)), expected)
+        self._impulse = add(scale(self.sample_time, add(coil, gravity)), firing_impulse)
 
     def _act_jointly(self, t: float) -> None:
         """Command wheels and coils with what the joint filter knows."""
         on = self._begin(t)
-        elapsed = t - self._t_before
+        elapsed_time = t - self._t_before
         omega = self._estimate_jointly(t)
-        expected = self._expected(t, on)
+        firing_impulse = self._expected_impulse(t, on)
         q = product(self._q, inverse(self.q_ref_bi))
         c = matrix(q)
         nadir: Vec3 = (c[2], c[5], c[8])
         turning = sub(omega, rotate(q, self.omega_ref_body))
-        self._follow_orbit(q, elapsed)
+        self._follow_orbit(q, elapsed_time)
         lean = self._lean_and_excess(t, self.momentum())
         x, y, z = add(self._dipole(nadir, turning, ZERO), self._economical_dipole())
-        m: Vec3 = (self._pulsed(x), self._pulsed(y), self._pulsed(z))
+        m: Vec3 = (self._pulse_dipole(x), self._pulse_dipole(y), self._pulse_dipole(z))
         magnetic = cross(add(m, self.dipole_est_body), self._b_measured())
         gravity = laws.gravity_vector_torque(
             nadir, self.inertia, norm(self.omega_ref_body)
         )
         compensation = add(add(magnetic, gravity), self.tau_est_body)
-        compensation = add(compensation, scale(1.0 / self.sample_time, expected))
+        compensation = add(compensation, scale(1.0 / self.sample_time, firing_impulse))
         if self.valid_h:
             h = body_momentum(self.axes_wheel, self.h_wheel)
             compensation = sub(compensation, cross(omega, h))
@@ -962,18 +984,24 @@ class ManagerBoomFeedforward(Boom, EarthField):
         self.mode = FIRING if on > 0.0 else CONTROLLING
         self.give(m, self._within(sub(self._pd(theta, turning), compensation)))
         self._field_before, self._dipole_before = self._b_measured(), m
-        self._nadir_before, self._firing_before = nadir, expected
+        self._nadir_before, self._firing_before = nadir, firing_impulse
 
     def hold(self, t: float) -> Vec3:
+        """Return the torque (N m, body) that brakes the rate without an attitude.
+
+        The expected impulse of a firing is still taken.
+        """
         self._omega = None
         self._taught = self._firing  # its impulse is not completely observed
         on = self._begin(t)
-        expected = self._expected(t, on)
+        firing_impulse = self._expected_impulse(t, on)
         self.mode = FIRING if on > 0.0 else IDLE
         reason = self.reason
         rate = sub(self._rate, self.bias_est_body)
         feedback = sub(self._pd(ZERO, rate), self.tau_est_body)
-        torque = self._within(sub(feedback, scale(1.0 / self.sample_time, expected)))
+        torque = self._within(
+            sub(feedback, scale(1.0 / self.sample_time, firing_impulse))
+        )
         self.reason = reason
         return torque
 
@@ -992,11 +1020,11 @@ class ManagerBoomFeedforward(Boom, EarthField):
         It sets `reason` where the limit is reached.
         """
         has = self._has
-        requested = (has[0] * torque[0], has[1] * torque[1], has[2] * torque[2])
-        limited = clip(requested, self.torque_limit)
-        if limited != requested and self.reason == NOTHING:
+        demand = (has[0] * torque[0], has[1] * torque[1], has[2] * torque[2])
+        wheel_torque = clip(demand, self.torque_limit)
+        if wheel_torque != demand and self.reason == NOTHING:
             self.reason = TORQUE_LIMIT
-        return limited
+        return wheel_torque
 
     def _dipole(self, nadir: Vec3, rate: Vec3, h: Vec3) -> Vec3:
         """Compute the mean dipole (A m2, body) of the coils' pulses over the sample."""
@@ -1016,10 +1044,14 @@ class ManagerBoomFeedforward(Boom, EarthField):
         if not self.enable or norm(e) <= self.deadband:
             return ZERO
         m = laws.cross_product(e, self.b_body)
-        return (self._pulsed(m[0]), self._pulsed(m[1]), self._pulsed(m[2]))
+        return (
+            self._pulse_dipole(m[0]),
+            self._pulse_dipole(m[1]),
+            self._pulse_dipole(m[2]),
+        )
 
-    def _pulsed(self, m: float) -> float:
+    def _pulse_dipole(self, m: float) -> float:
         """Compute the mean dipole (A m2) of a pulsed coil for the command m (A m2)."""
-        return firing.pulsed(
+        return firing.pulse_dipole(
             m, self.m_limit, self.least_pulse, self.sample_time, self.duty_max
         )

@@ -105,10 +105,12 @@ class ManagerCombined(ThrusterDumping):
         self._costate = ZERO
         self._omega = self.omega_bi_body
 
-    def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, blending.Split]:
-        if elapsed == 0.0:
+    def dump(
+        self, t: float, elapsed_time: float, h: Vec3
+    ) -> tuple[Vec3, blending.Split]:
+        if elapsed_time == 0.0:
             self._prepare(h)
-        n = self._torque(elapsed, h)
+        n = self._torque(elapsed_time, h)
         self.mode = DUMPING
         return n, self._split(n)
 
@@ -135,7 +137,7 @@ class ManagerCombined(ThrusterDumping):
         else:
             split = blending.ocdc(n, b, self.weight_ratio)
         if self.saturation:
-            split = blending.saturated(split, b, self.duty * self.m_limit)
+            split = blending.limit_dipole(split, b, self.duty * self.m_limit)
         if self.dead_axis != NO_AXIS:
             split = blending.without(split, b, self.dead_axis - 1)
         return split
@@ -156,14 +158,14 @@ class ManagerCombined(ThrusterDumping):
                 h, self._omega, self.n_con_body, self.horizon
             )
 
-    def _torque(self, elapsed: float, h: Vec3) -> Vec3:
+    def _torque(self, elapsed_time: float, h: Vec3) -> Vec3:
         """Compute the dumping torque (N m, body) of the law that is selected."""
         if self.law == ILQR:
             return dumping.ilqr(h, self.rate(), self.g_rate, self.n_con_body)
-        if elapsed >= self.horizon:
+        if elapsed_time >= self.horizon:
             return ZERO
         if self.law == LQR:
-            i = 3 * int(elapsed / self.sample_time + 0.5)
+            i = 3 * int(elapsed_time / self.sample_time + 0.5)
             x, y, z = self._offsets[i : i + 3]
-            return dumping.lqr(h, self.g_rate, self.horizon - elapsed, (x, y, z))
-        return dumping.mec(self._costate, self._omega, elapsed)
+            return dumping.lqr(h, self.g_rate, self.horizon - elapsed_time, (x, y, z))
+        return dumping.mec(self._costate, self._omega, elapsed_time)

@@ -50,7 +50,7 @@ class ManagerCrossProduct(TorquerDumping):
     )
     h_deadband: float = Parameter("N.m.s", "no dumping below this momentum", min=0.0)
 
-    def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:
+    def dipole(self, elapsed_time: float, h: Vec3) -> Vec3 | None:
         if norm(h) <= self.h_deadband:
             return None
         law = (cross_product.normalised, cross_product.ccpl)[self.law]

@@ -142,6 +142,7 @@ class ManagerDetumblingOptimal(Acquisition):
     )
 
     def start(self) -> None:
+        """Compute the carrier's inertia (kg m2) and reset the estimated rate."""
         super().start()
         self._carrier = carrier_inertia(
             self.inertia, self.axes_wheel, self.inertia_wheel
@@ -188,11 +189,11 @@ class ManagerDetumblingOptimal(Acquisition):
         if omega is None or model is None:
             self._omega, self._b_model = ZERO, b
         else:
-            elapsed = t - self._t_before
+            elapsed_time = t - self._t_before
             # the wheel's torque follows from the change of its momentum, not from the
             # command
-            torque = (h - self._h_before) / elapsed
-            omega, model = rate_observer.predicted(
+            torque = (h - self._h_before) / elapsed_time
+            omega, model = rate_observer.predict(
                 omega,
                 model,
                 self.m_cmd_body,
@@ -200,14 +201,18 @@ class ManagerDetumblingOptimal(Acquisition):
                 scale(self._h_before, laws.PITCH_BIAS),
                 self._carrier,
                 self._inverse,
-                elapsed,
+                elapsed_time,
             )
-            self._omega, self._b_model = rate_observer.corrected(
-                omega, model, b, self.bandwidth, elapsed
+            self._omega, self._b_model = rate_observer.correct(
+                omega, model, b, self.bandwidth, elapsed_time
             )
         self._h_before, self._t_before = h, t
 
     def act(self, phase: int) -> int:
+        """Command detumbling or start-up with the estimated rate.
+
+        Returns the missing measurement (NO_...), or START.
+        """
         missing = START
         if self.rate_from == GYRO and not self.valid_omega:
             missing = NO_RATE

@@ -25,7 +25,7 @@ FAMILIAR_RATE = 0.02
 _STILL: Vec4 = (0.0, 0.0, 0.0, 0.0)
 
 
-def missed(before: int, torque: float, got: float, limit: float) -> int:
+def count_misses(before: int, torque: float, actual_torque: float, limit: float) -> int:
     """Count consecutive samples at which a wheel gave less than a fifth of a torque.
 
     Only a torque (N m) of more than 0.3 of the limit counts; smaller ones are no
@@ -33,7 +33,7 @@ def missed(before: int, torque: float, got: float, limit: float) -> int:
     """
     if abs(torque) <= 0.3 * limit or limit == 0.0:
         return before
-    return before + 1 if got * torque < 0.2 * torque * torque else 0
+    return before + 1 if actual_torque * torque < 0.2 * torque * torque else 0
 
 
 class ManagerDetumblingRollout(Manager, WheelInertias):
@@ -228,6 +228,7 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
     )
 
     def start(self) -> None:
+        """Check the parameters and set model, filter and plan to start values."""
         super().start()
         check_inertia(self.inertia)
         carrier = carrier_inertia(self.inertia, self.axes_wheel, self.inertia_wheel)
@@ -309,19 +310,22 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
 
     def _drop(self) -> None:
         """Abandon the sequence and search at the next sample."""
-        self._planned, self._segments, self._elapsed = rollout.NOTHING, 0, 0
+        self._plan_torques, self._segments, self._elapsed_steps = rollout.NOTHING, 0, 0
         self._planned_at = -1.0
 
-    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
-        needed = (
+    def foresee(
+        self, begin: float, end: float, wired_names: frozenset[str]
+    ) -> Iterator[str]:
+        inputs = (
             ("h_wheel",) if self.rate_from == FILTER else ("omega_bi_body", "h_wheel")
         )
-        for name in needed:
-            if name not in wired:
+        for name in inputs:
+            if name not in wired_names:
                 yield f"{name} is not wired: the law of detumbling is of no use without it"
-        yield from super().foresee(begin, end, wired)
+        yield from super().foresee(begin, end, wired_names)
 
     def compute(self, t: float, dt: float) -> None:
+        """Estimate the rate at a sample, plan, and command coils and wheels."""
         if not self.due(t):
             return
         self._b = sub(self.b_body, mat_vec(self.coil_coupling, self.m_cmd_body))
@@ -360,32 +364,32 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         if not self.valid_h or not self._was_valid_h:
             self._was_valid_h = self.valid_h
             return
-        elapsed = t - self._t_before
+        elapsed_time = t - self._t_before
         h, before, u, limit = (
             self.h_wheel,
             self._h_before,
             self.tau_cmd_wheel,
             self._limits,
         )
-        got = (
-            (h[0] - before[0]) / elapsed,
-            (h[1] - before[1]) / elapsed,
-            (h[2] - before[2]) / elapsed,
-            (h[3] - before[3]) / elapsed,
+        actual_torque = (
+            (h[0] - before[0]) / elapsed_time,
+            (h[1] - before[1]) / elapsed_time,
+            (h[2] - before[2]) / elapsed_time,
+            (h[3] - before[3]) / elapsed_time,
         )
-        share, f = min(elapsed / FRICTION_TIME, 1.0), self._friction
+        share, f = min(elapsed_time / FRICTION_TIME, 1.0), self._friction
         self._friction = (
-            within(f[0] + share * (u[0] - got[0] - f[0]), limit[0]),
-            within(f[1] + share * (u[1] - got[1] - f[1]), limit[1]),
-            within(f[2] + share * (u[2] - got[2] - f[2]), limit[2]),
-            within(f[3] + share * (u[3] - got[3] - f[3]), limit[3]),
+            within(f[0] + share * (u[0] - actual_torque[0] - f[0]), limit[0]),
+            within(f[1] + share * (u[1] - actual_torque[1] - f[1]), limit[1]),
+            within(f[2] + share * (u[2] - actual_torque[2] - f[2]), limit[2]),
+            within(f[3] + share * (u[3] - actual_torque[3] - f[3]), limit[3]),
         )
         n = self._misses
         self._misses = (
-            missed(n[0], u[0], got[0], limit[0]),
-            missed(n[1], u[1], got[1], limit[1]),
-            missed(n[2], u[2], got[2], limit[2]),
-            missed(n[3], u[3], got[3], limit[3]),
+            count_misses(n[0], u[0], actual_torque[0], limit[0]),
+            count_misses(n[1], u[1], actual_torque[1], limit[1]),
+            count_misses(n[2], u[2], actual_torque[2], limit[2]),
+            count_misses(n[3], u[3], actual_torque[3], limit[3]),
         )
         n = self._misses
         limits = (
@@ -420,17 +424,17 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         self._omega = None
         self._learn(t, self.valid_b and self.valid_h)
 
-    def _wheel_torque(self, elapsed: float) -> Vec3:
+    def _wheel_torque(self, elapsed_time: float) -> Vec3:
         """Compute the wheels' torque on the body since the last sample (N m, body).
 
         It follows from the change of their momentum, not from the command.
         """
         h, before = self.h_wheel, self._h_before
         u = (
-            (before[0] - h[0]) / elapsed,
-            (before[1] - h[1]) / elapsed,
-            (before[2] - h[2]) / elapsed,
-            (before[3] - h[3]) / elapsed,
+            (before[0] - h[0]) / elapsed_time,
+            (before[1] - h[1]) / elapsed_time,
+            (before[2] - h[2]) / elapsed_time,
+            (before[3] - h[3]) / elapsed_time,
         )
         return rollout.along(self.axes_wheel, u)
 
@@ -445,14 +449,14 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         if not was_learning:
             self._begin_learning()
             return
-        elapsed = t - self._t_before
-        self._craft, self._doubt, surprise = craft_filter.updated(
+        elapsed_time = t - self._t_before
+        self._craft, self._doubt, surprise = craft_filter.update(
             self._craft,
             self._doubt,
-            craft_filter.Passed(
-                elapsed,
+            craft_filter.Interval(
+                elapsed_time,
                 self.m_cmd_body,
-                self._wheel_torque(elapsed),
+                self._wheel_torque(elapsed_time),
                 rollout.along(self.axes_wheel, self._h_before),
                 self._b,
                 self.omega_bi_body,
@@ -508,8 +512,10 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
             self._slow_since = -1.0
         elif self._slow_since < 0.0:
             self._slow_since = t
-        held = self._slow_since >= 0.0 and t - self._slow_since >= self.hold_time - 1e-6
-        if held or (self.mode == DETUMBLED and self._is_slow):
+        is_held = (
+            self._slow_since >= 0.0 and t - self._slow_since >= self.hold_time - 1e-6
+        )
+        if is_held or (self.mode == DETUMBLED and self._is_slow):
             self.mode = DETUMBLED
         else:
             self.mode = BRAKING
@@ -529,16 +535,16 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         if not (self.valid_b and self.valid_h and any(self._limits)):
             self._drop()
             return
-        elapsed = self._elapsed
+        elapsed_steps = self._elapsed_steps
         if self._planned_at >= 0.0:
-            elapsed += int(since / self.model_step + 0.5)
-        is_over = elapsed >= self._segments * self._length
+            elapsed_steps += int(since / self.model_step + 0.5)
+        is_over = elapsed_steps >= self._segments * self._length
         before = (
             rollout.none()
             if is_over
-            else rollout.Sequence(self._planned, self._segments, elapsed)
+            else rollout.Sequence(self._plan_torques, self._segments, elapsed_steps)
         )
-        found, cost = rollout.sought(
+        sequence, cost = rollout.sought(
             self._model(),
             omega,
             self._b,
@@ -550,7 +556,7 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
             self._length,
             self._horizon,
         )
-        self._planned, self._segments, self._elapsed = found
+        self._plan_torques, self._segments, self._elapsed_steps = sequence
         self._searches += 1
         self._planned_at = t
         self.time_left = self.model_step * min(max(cost, 0.0), self.horizon)
@@ -559,11 +565,13 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         """Compute the torque to each rotor (N m), with compensation of friction."""
         u = rollout.by_law(self._model(), omega)
         if self._planned_at >= 0.0:
-            elapsed = self._elapsed + int(
+            elapsed_steps = self._elapsed_steps + int(
                 (t - self._planned_at) / self.model_step + 1e-6
             )
-            if elapsed < self._segments * self._length:
-                u = rollout.of_sequence(self._planned, elapsed // self._length)
+            if elapsed_steps < self._segments * self._length:
+                u = rollout.of_sequence(
+                    self._plan_torques, elapsed_steps // self._length
+                )
                 self.mode = PLANNED
         if not self.valid_h:
             return u
@@ -574,4 +582,4 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
             within(u[2] + f[2], limit[2]),
             within(u[3] + f[3], limit[3]),
         )
-        return rollout.allowed(u, self.h_wheel, self.h_limit)
+        return rollout.stop_overspeed(u, self.h_wheel, self.h_limit)

@@ -162,6 +162,7 @@ class ManagerIntegrated(WheelManager):
     tau_des_body: Vec3 = Output("N.m", "t_DES, body: for the report", interval=True)
 
     def start(self) -> None:
+        """Check the pairs of thresholds and set the state to its start values."""
         super().start()
         for on, off in (
             ("threshold_on", "threshold_off"),
@@ -183,10 +184,10 @@ class ManagerIntegrated(WheelManager):
         self.mode = IDLE
 
     def compute(self, t: float, dt: float) -> None:
-        sampled = self.due(t)
-        if sampled:
+        is_sample = self.due(t)
+        if is_sample:
             self._decide()
-        if self.wheels_due(t, sampled):
+        if self.wheels_due(t, is_sample):
             self.tau_cmd_wheel = self._wheel_command()
 
     def _wheel_command(self) -> Vec4:
@@ -252,14 +253,14 @@ class ManagerIntegrated(WheelManager):
             self._share, by_coils = 0.0, self.tau_des_body
         else:
             k, on = self.magnetic_share, self._unloading
-            counted = (
+            counted_momentum = (
                 on[0] * excess[0],
                 on[1] * excess[1],
                 on[2] * excess[2],
                 on[3] * excess[3],
             )
             self.tau_des_body = integrated.desaturation(
-                body_momentum(self.axes_wheel, counted),
+                body_momentum(self.axes_wheel, counted_momentum),
                 b,
                 self.gain,
                 self.torque_limit or inf,

@@ -58,20 +58,28 @@ class ManagerMagnetic(TorquerDumping):
         "rad/s", "mec: rate that the costate was computed for", usual=SPIN
     )
 
-    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+    def foresee(
+        self, begin: float, end: float, wired_names: frozenset[str]
+    ) -> Iterator[str]:
         law, name = ("mec", "costate") if self.law == MEC else ("lqr", "gain_table")
         if not any(getattr(self, name)):
             yield f"{name} = 0: law = {law} commands no dipole without it; `desat design` makes it"
-        yield from super().foresee(begin, end, wired)
+        yield from super().foresee(begin, end, wired_names)
 
-    def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:
-        if elapsed >= self.horizon:
+    def dipole(self, elapsed_time: float, h: Vec3) -> Vec3 | None:
+        """Return the dipole (A m2, body) of MEC or LQR; None from `horizon` on.
+
+        h is the momentum (N m s, body), elapsed_time (s) that since the first sample.
+        """
+        if elapsed_time >= self.horizon:
             return None
         if self.law == MEC:
-            p = magnetic.mec_costate(self.costate, self.omega_nominal_body, elapsed)
+            p = magnetic.mec_costate(
+                self.costate, self.omega_nominal_body, elapsed_time
+            )
         else:
-            span = self.table_nodes, self.horizon, elapsed
-            gain = magnetic.interpolated(self.gain_table, magnetic.UPPER, *span)
-            x, y, z = magnetic.interpolated(self.offset_table, 3, *span)
+            span = self.table_nodes, self.horizon, elapsed_time
+            gain = magnetic.interpolate_rows(self.gain_table, magnetic.UPPER, *span)
+            x, y, z = magnetic.interpolate_rows(self.offset_table, 3, *span)
             p = magnetic.lqr_costate(h, gain, (x, y, z))
         return magnetic.dipole(p, self.b_body, self.dipole_weight)

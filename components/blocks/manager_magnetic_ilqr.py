@@ -4,7 +4,7 @@ from ..bases.dumping import TorquerDumping
 from ..contract.block import Parameter, Vec3
 from ..contract.fitting import Law
 from ..laws import magnetic, riccati
-from ..maths.matrix import multiply, transposed
+from ..maths.matrix import multiply, transpose
 from ..maths.vector import mat_vec, sub
 
 
@@ -49,7 +49,7 @@ class ManagerMagneticIlqr(TorquerDumping):
         "N.m", "known constant torque of an off-nadir attitude, body"
     )
 
-    def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:
+    def dipole(self, elapsed_time: float, h: Vec3) -> Vec3 | None:
         """Compute the dipole (A m2) of the costate p = K h - g, K for an endless horizon.
 
         Paper 000, section III.A. None without a rate, or where there is no such K.
@@ -62,7 +62,7 @@ class ManagerMagneticIlqr(TorquerDumping):
         fx, fy, fz = self.momentum_weight
         w = (0.0, z, -y, -z, 0.0, x, y, -x, 0.0)
         q = (0.0, bz, -by, -bz, 0.0, bx, by, -bx, 0.0)
-        weighted = (
+        weighted_field = (
             0.0,
             bz / ry,
             -by / rz,
@@ -73,7 +73,7 @@ class ManagerMagneticIlqr(TorquerDumping):
             -bx / ry,
             0.0,
         )
-        s = multiply(weighted, transposed(q))
+        s = multiply(weighted_field, transpose(q))
         k = riccati.infinite_gain(w, s, (fx, 0.0, 0.0, 0.0, fy, 0.0, 0.0, 0.0, fz))
         if k is None:
             return None

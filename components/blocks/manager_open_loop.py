@@ -11,7 +11,7 @@ from ..contract.block import Mat33, Output, Parameter, Vec3, Vec4
 from ..contract.fitting import Law
 from ..laws import momentum_management as laws
 from ..laws.attitude_control import rest_to_rest
-from ..maths.attitude import matrix, propagated, rotate, rotate_back
+from ..maths.attitude import matrix, propagate, rotate, rotate_back
 from ..maths.vector import ZERO, add, cross, mat_vec, norm, scale, sub
 from ..physics.geomagnetic import dipole
 from ..physics.orbit import (
@@ -112,6 +112,7 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, KnownSlew, EarthField)
     )
 
     def start(self) -> None:
+        """Check the periods (s) and start without a costate."""
         super().start()
         if self.update_period > self.desaturation_period * (1.0 + 1e-9):
             self.fail(
@@ -123,15 +124,17 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, KnownSlew, EarthField)
         self.start_known_slew()
         self.start_field(igrf=self.field_model == IGRF)
         self._costate = self._last = ZERO
-        self._solved = False
+        self._has_solution = False
         self._next = -1.0
         self.condition = self.miss_predicted = 0.0
 
-    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
-        planned = self.t_end + self.lag_time if self.manoeuvre else end
-        last = max(end + self.desaturation_period, planned)
-        self.covered(begin, last, self.field_model == IGRF and self.field_tilt)
-        yield from super().foresee(begin, end, wired)
+    def foresee(
+        self, begin: float, end: float, wired_names: frozenset[str]
+    ) -> Iterator[str]:
+        plan_end = self.t_end + self.lag_time if self.manoeuvre else end
+        last = max(end + self.desaturation_period, plan_end)
+        self.check_igrf_years(begin, last, self.field_model == IGRF and self.field_tilt)
+        yield from super().foresee(begin, end, wired_names)
 
     def _forget(self) -> None:
         """Discard the plan after a lost measurement, so that a new one follows it."""
@@ -147,6 +150,12 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, KnownSlew, EarthField)
             )
 
     def law(self, t: float, h: Vec3) -> Vec3 | None:
+        """Return the dipole mu_M = S (B x P) (A m2, body), or None for no command.
+
+        h is the momentum (N m s, body). The costate P is solved anew (eqs. 2, 3 and 7)
+        where an update is due; without a solution the last command is held, or there is
+        none.
+        """
         orbit = elements_from_state(self.r_eci, self.v_eci)
         if t >= self._next - 1e-6 * self.sample_time:
             end = self._end(t)
@@ -155,7 +164,7 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, KnownSlew, EarthField)
             self._next = end if self._in_manoeuvre(t) else t + self.update_period
             if self.manoeuvre and t + 1e-6 < lead < self._next:
                 self._next = lead
-        if not self._solved:
+        if not self._has_solution:
             self.mode = FALLBACK
             if self.on_singular != HOLD:
                 return None
@@ -193,7 +202,7 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, KnownSlew, EarthField)
         h_eci is the present H (N m s, eci).
         """
         nominal = self.nominal(end)
-        self._solved = False
+        self._has_solution = False
         if nominal is None:
             return
         dt = self.sample_time
@@ -202,12 +211,14 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, KnownSlew, EarthField)
             q, r, b = self._ahead(orbit, t, (k + 0.5) * dt)
             gravity = gravity_gradient_eci(r, q, self._inertia)
             impulse = add(impulse, scale(dt, gravity))
-            product = _plus(product, dt, laws.field_product(b, _turned(self._s, q)))
+            product = _plus(
+                product, dt, laws.field_product(b, _rotate_weighting(self._s, q))
+            )
         change = sub(sub(nominal, h_eci), impulse)
         self.condition = min(laws.condition(product), LARGEST)
         if self.condition > self.condition_limit:
             return
-        self._solved = True
+        self._has_solution = True
         self._costate = laws.open_loop_costate(product, change)
         self.miss_predicted = norm(sub(mat_vec(product, self._costate), change))
 
@@ -233,11 +244,11 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, KnownSlew, EarthField)
             s, _ = rest_to_rest(
                 (t + ahead - self.t_begin) / (self.t_end - self.t_begin)
             )
-            q = propagated(self._q_begin, self._rotation, s)
+            q = propagate(self._q_begin, self._rotation, s)
         return q, r, scale(self.field_scale, b)
 
 
-def _turned(s: Mat33, q: Vec4) -> Mat33:
+def _rotate_weighting(s: Mat33, q: Vec4) -> Mat33:
     """Rotate the weighting to eci: C(q)' S C(q)."""
     c = matrix(q)
     x = rotate_back(q, mat_vec(s, (c[0], c[3], c[6])))

@@ -22,9 +22,9 @@ from ..laws import (
 from ..laws import disturbance_learning as learning
 from ..laws.blending import Split
 from ..laws.integrated import null_vector
-from ..laws.momentum_management import reduced, without
+from ..laws.momentum_management import scale_to_limit, without
 from ..maths import matrix
-from ..maths.attitude import inverse, normalised, product, rotate, rotate_back
+from ..maths.attitude import inverse, normalise, product, rotate, rotate_back
 from ..maths.vector import IDENTITY, ZERO, add, cross, dot, mat_vec, norm, scale, sub
 from ..physics.orbit import lvlh_attitude, orbit_motion
 from ..physics.torques import gravity_gradient_eci
@@ -317,7 +317,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         self._to_coils = pseudo_inverse(self._live)
         self._null = null_vector(self.axes_wheel)
         self._inertia: Mat33 = tuple(self.inertia_scale * x for x in self.inertia)  # type: ignore[assignment]
-        self._q_bo = normalised(self.q_bo)
+        self._q_bo = normalise(self.q_bo)
         self.start_field(igrf=self.field_model == IGRF)
         self._show(learning.first_state(ZERO))
         self._last_sample = momentum_observer.NO_SAMPLE
@@ -327,12 +327,12 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         self._thrust = self._dipole_planned = self._costate = ZERO
         self.thruster_limit = (1.0, 1.0, 1.0)
         self.plan_steps = self.filter_restarts = 0
-        self._sees_field = self.field_rejected = self._failed = False
+        self._sees_field = self.field_rejected = self._plan_failed = False
         self._check = field_check.begin(self.field_spread, self.field_noise)
         self.start_known_slew()
         self._fields = self._models = 0.0
         self._field_scale = 1.0
-        self._planned = -1.0
+        self._plan_time = -1.0
         self._peaks = null_space.NO_PEAKS
 
     def _slew(self) -> slew.Slew:
@@ -380,9 +380,11 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
                 "that the law could use"
             )
 
-    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
-        self.covered(begin, end, self.field_model == IGRF)
-        yield from super().foresee(begin, end, wired)
+    def foresee(
+        self, begin: float, end: float, wired_names: frozenset[str]
+    ) -> Iterator[str]:
+        self.check_igrf_years(begin, end, self.field_model == IGRF)
+        yield from super().foresee(begin, end, wired_names)
 
     def empty_null_space(self) -> None:
         """Add the torques that reduce the wheels' null-space momentum to its limit."""
@@ -418,24 +420,24 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             return 1.0
         return min(max(self._peak() / empty, LEAST_SHARE), 1.0)
 
-    def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
+    def dump(self, t: float, elapsed_time: float, h: Vec3) -> tuple[Vec3, Split]:
         """Learn from the last sample, plan where a plan is due, and follow the plan."""
-        assumed = self.attitude == 1
-        if not (self.valid_q or assumed) or (
+        is_attitude_assumed = self.attitude == 1
+        if not (self.valid_q or is_attitude_assumed) or (
             self.goal == EMPTY and t >= self.end - 1e-6
         ):
             self.mode, self._coils, self._thrust = IDLE, NO_MOMENTUM, ZERO
             self._last_sample = momentum_observer.NO_SAMPLE
             return ZERO, (ZERO, ZERO)
         lvlh = lvlh_attitude(self.r_eci, self.v_eci)
-        q = product(self._q_bo, lvlh) if assumed else self.q_bi
+        q = product(self._q_bo, lvlh) if is_attitude_assumed else self.q_bi
         model = self._field(self.r_eci, self.v_eci, t)
         self._judge_field(model)
-        q = self._corrected(q, model)
+        q = self._correct_attitude(q, model)
         turn = cross(self.r_eci, self.v_eci)
         turn = scale(1.0 / dot(self.r_eci, self.r_eci), turn)
         orbital = rotate(q, turn)
-        rate = orbital if assumed else self.rate()
+        rate = orbital if is_attitude_assumed else self.rate()
         b = scale(self._field_scale, model)
         if self._sees_field:
             b = rotate_back(q, self.b_body)
@@ -452,14 +454,14 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         )
         # whether the attitude is fixed to lvlh, or else to eci, but for a slew
         resting = sub(rate, slew.rate_at(self._slew(), t))
-        turning = assumed or norm(sub(resting, orbital)) < norm(resting)
-        if self._planned < 0.0 or t - self._planned >= self._period() - 1e-6:
+        turning = is_attitude_assumed or norm(sub(resting, orbital)) < norm(resting)
+        if self._plan_time < 0.0 or t - self._plan_time >= self._period() - 1e-6:
             from_lvlh = product(q, inverse(lvlh))
             pointing = forecast.Pointing(t, q, from_lvlh, turning, self._slew())
             self._plan(pointing, orbit, rotate_back(q, h), sub(b, model))
-            self._planned = t
+            self._plan_time = t
         mean = rotate(q, add(b, sub(self._field_amid_sample(t), model)))
-        if self._failed or is_strange:
+        if self._plan_failed or is_strange:
             mode, m = FALLBACK, cross_product.normalised(h, mean, norm(turn))
         else:
             mode, m = DUMPING, self._dipole(mean, rotate(q, self._costate))
@@ -477,7 +479,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             self.mode = FALLBACK if norm(self._thrust) > 0.0 else IDLE
             return ZERO
         self.mode = mode
-        return reduced(m, to_wheels(self._to_coils, m), self.m_limit)
+        return scale_to_limit(m, to_wheels(self._to_coils, m), self.m_limit)
 
     def _judge_field(self, model: Vec3) -> None:
         """Reject a measured field whose size is not the Earth's. model: its field (T)."""
@@ -490,7 +492,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         )
         self._sees_field = self.valid_b and not self.field_rejected
 
-    def _corrected(self, q: Vec4, model: Vec3) -> Vec4:
+    def _correct_attitude(self, q: Vec4, model: Vec3) -> Vec4:
         """Return the attitude q corrected by its constant error, where significant.
 
         Learn the error from the measured field, goal empty only; model: its field (T,
@@ -583,7 +585,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             self._coils,
             self._thrust,
         )
-        known, limits = momentum_observer.observe(
+        estimate, limits = momentum_observer.observe(
             momentum_observer.Filter(*self._filter),
             momentum_observer.ThrustLimits(*self._limits),
             interval,
@@ -591,14 +593,18 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             total,
             self.valid_b,
         )
-        self._last_sample, self._filter, self._limits = interval.end, known, limits
-        self._show(learning.judge(known.x, known.p, craft.doubt, known.suspected))
+        self._last_sample, self._filter, self._limits = interval.end, estimate, limits
+        self._show(
+            learning.judge(
+                estimate.x, estimate.p, craft.doubt, estimate.coil_suspicions
+            )
+        )
         self.thruster_limit = learning.vector(limits.share, 0)
-        self.filter_restarts = known.restarts
+        self.filter_restarts = estimate.restarts
 
     def _show(self, x: Table) -> None:
         """Store the expected x of `disturbance_learning`, and show it."""
-        self._seen = x
+        self._expected_state = x
         self.gravity_scale = x[learning.GRAVITY]
         self.torque_eci = learning.vector(x, learning.INERTIAL)
         e = learning.COILS
@@ -691,7 +697,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
                 (x * e, y * f, z * g),
                 self._to_wheels,
                 self.h_target_body,
-                self._seen,
+                self._expected_state,
             ),
             pointing,
             self.r_eci,
@@ -730,10 +736,10 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         largest = predictive.find_largest_momentum(problem, path)
         peak_scale = PEAK_SCALE * max(largest, self._peak(), 1e-9)
         peak = PEAK * momentum * peak_scale * peak_scale
-        _, self._costate, _, more_steps, converged = predictive.plan_path(
+        _, self._costate, _, more_steps, has_converged = predictive.plan_path(
             predictive.penalise_peaks(problem, peak, peak_scale), u
         )
-        self.plan_steps, self._failed = steps + more_steps, not converged
+        self.plan_steps, self._plan_failed = steps + more_steps, not has_converged
 
     def _empty(self, count: int, x0: Vec3, dt: Table, ahead: forecast.Forecast) -> None:
         """Plan dipole and pulses of the first interval so that X = x0 becomes zero.

@@ -43,6 +43,10 @@ class ManagerPreview(MomentumManagement, GroundTables):
     )
 
     def law(self, t: float, h: Vec3) -> Vec3 | None:
+        """Return the dipole (A m2, body) of the feedback; None outside the tables.
+
+        The costate P = -(K h + g) (A m2/T) has K and g from the tables, h in eci.
+        """
         place = self.place(t)
         if place is None:
             return None

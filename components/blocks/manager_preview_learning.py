@@ -77,6 +77,7 @@ class ManagerPreviewLearning(ManagerPreview):
         return super().scalars()
 
     def start(self) -> None:
+        """Begin the filter at its prior: coils and gravity torque as modelled."""
         super().start()
         self._x = learning.FIRST
         self._p = learning.first_covariance()
@@ -87,8 +88,8 @@ class ManagerPreviewLearning(ManagerPreview):
         self.gravity_scale = 1.0
         self.lost_coil = 0
 
-    def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
-        n, split = super().dump(t, elapsed, h)
+    def dump(self, t: float, elapsed_time: float, h: Vec3) -> tuple[Vec3, Split]:
+        n, split = super().dump(t, elapsed_time, h)
         if not self.learn:
             return n, split
         a, b, c, d = to_wheels(self._to_coils, split[0])
@@ -132,11 +133,11 @@ class ManagerPreviewLearning(ManagerPreview):
             self.lost_coil = learning.find_lost_coil(self._x, self._p, self.lost_coil)
         self._then, self._q, self._h_eci = t, self.q_bi, rotate_back(self.q_bi, h)
 
-    def _still(self, elapsed: float) -> bool:
+    def _still(self, elapsed_time: float) -> bool:
         """Return whether no sample was left out and the attitude has not changed."""
         a, b = self.q_bi, self._q
         alike = abs(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3])
         return (
-            abs(elapsed - self.sample_time) <= 1e-6 * self.sample_time
+            abs(elapsed_time - self.sample_time) <= 1e-6 * self.sample_time
             and 1.0 - alike <= TURNED
         )

@@ -10,7 +10,7 @@ from ..bases.earth_field import EarthField
 from ..contract.block import Output, Parameter, Vec3, Vec4
 from ..laws import blending, dumping, receding_horizon
 from ..maths import least_effort
-from ..maths.attitude import normalised, product, rotate
+from ..maths.attitude import normalise, product, rotate
 from ..maths.vector import ZERO, add, cross, scale, sub
 from ..physics.orbit import lvlh_attitude
 
@@ -158,34 +158,43 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
                 f"horizon = {self.horizon:.10g} s is more than {receding_horizon.SAMPLES} "
                 f"samples of sample_time = {self.sample_time:.10g} s"
             )
-        self._q_bo = normalised(self.q_bo)
+        self._q_bo = normalise(self.q_bo)
         self._fit = receding_horizon.NO_FIT
         self.start_field(igrf=self.field_model == IGRF)
 
-    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
-        self.covered(begin, begin + self.horizon, self.field_model == IGRF)
-        yield from super().foresee(begin, end, wired)
+    def foresee(
+        self, begin: float, end: float, wired_names: frozenset[str]
+    ) -> Iterator[str]:
+        self.check_igrf_years(begin, begin + self.horizon, self.field_model == IGRF)
+        yield from super().foresee(begin, end, wired_names)
 
-    def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, blending.Split]:
-        samples = int((self.horizon - elapsed) / self.sample_time + 0.5)
+    def dump(
+        self, t: float, elapsed_time: float, h: Vec3
+    ) -> tuple[Vec3, blending.Split]:
+        """Plan until the horizon; return torque (N m, body) and split of this sample.
+
+        h is the momentum (N m s, body). Without a valid field or a plan the fallback
+        commands. The dipole of the last sample compensates the rounding of its pulses.
+        """
+        samples = int((self.horizon - elapsed_time) / self.sample_time + 0.5)
         if samples < 1:
             self.mode = IDLE
             return ZERO, (ZERO, ZERO)
         if not self.valid_b:
             return self._fallback(h, self.sample_time * samples)
-        q_bi, fields = self._predicted(t, samples)
-        step = self._planned(h, q_bi, fields)
+        q_bi, fields = self._predict_course(t, samples)
+        step = self._plan_first_sample(h, q_bi, fields)
         if step is None:
             return self._fallback(h, self.sample_time * samples)
         self.mode = RECEDING_HORIZON
         m, on_times = step
-        n_t = self._torque(tuple(map(self._rounded, on_times)))  # type: ignore[arg-type]
+        n_t = self._torque(tuple(map(self._round_on_time, on_times)))  # type: ignore[arg-type]
         if samples == 1:
             missing = add(cross(m, fields[0]), sub(self._torque(on_times), n_t))
             m, _ = blending.bounded_one_norm(missing, fields[0], self.limits())
         return add(cross(m, self.b_body), n_t), (m, n_t)
 
-    def _planned(
+    def _plan_first_sample(
         self, h: Vec3, q_bi: tuple[Vec4, ...], fields: tuple[Vec3, ...]
     ) -> tuple[Vec3, Vec3] | None:
         """Return dipole and on-times of the plan's first sample.
@@ -194,11 +203,14 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         more than `reserve_cost`; otherwise in none.
         """
         longest_on = self.thruster_duty * self.sample_time
-        reserved = (1.0 - self.reserve) * longest_on
+        on_with_reserve = (1.0 - self.reserve) * longest_on
         free = self._step(h, q_bi, fields, (longest_on, longest_on))
         if free is None:
             return None
-        for longest in ((reserved, reserved), (longest_on, reserved)):
+        for longest in (
+            (on_with_reserve, on_with_reserve),
+            (longest_on, on_with_reserve),
+        ):
             step = self._step(h, q_bi, fields, longest)
             if step is not None and step[2] <= free[2] + self.reserve_cost:
                 return step[0], step[1]
@@ -235,7 +247,7 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         n_t = (min(max(x, -a), a), min(max(y, -b), b), min(max(z, -c), c))
         return add(cross(m, field), n_t), (m, n_t)
 
-    def _rounded(self, on_time: float) -> float:
+    def _round_on_time(self, on_time: float) -> float:
         """Round an on-time (s) to whole pulses."""
         count = int(abs(on_time) / self.least_pulse + 0.5)
         return copysign(count * self.least_pulse, on_time)
@@ -248,7 +260,7 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         )
         return (x, y, z)
 
-    def _predicted(
+    def _predict_course(
         self, t: float, samples: int
     ) -> tuple[tuple[Vec4, ...], tuple[Vec3, ...]]:
         """Predict attitudes and fields B (T, body) until the end.
@@ -265,16 +277,16 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         q_bi = tuple(product(self._q_bo, lvlh_attitude(r, v)) for r, v in states)
         fields = tuple(
             scale(self.field_scale, b)
-            for b in self._modelled(t, ahead[:-1], q_bi[:-1], states[:-1])
+            for b in self._model_fields(t, ahead[:-1], q_bi[:-1], states[:-1])
         )
         if self.field_spread > 0.0:
             self._fit = receding_horizon.learnt(self._fit, fields[0], self.b_body)
-            fields = receding_horizon.corrected(
+            fields = receding_horizon.correct_fields(
                 self._fit, fields, self.field_spread, self.field_noise
             )
         return q_bi, (add(self.b_body, sub(fields[1], fields[0])), *fields[2:])
 
-    def _modelled(
+    def _model_fields(
         self,
         t: float,
         ahead: tuple[float, ...],

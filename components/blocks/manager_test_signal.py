@@ -37,9 +37,9 @@ class ManagerTestSignal(Manager):
     def compute(self, t: float, dt: float) -> None:
         """Command bias + amplitude sin(2 pi t / period + phase) of each wheel (N m)."""
         if self.due(t):
-            sampled = self._sample * self.sample_time if self.sample_time > 0.0 else t
+            t_sample = self._sample * self.sample_time if self.sample_time > 0.0 else t
             self.tau_cmd_wheel = tuple(  # type: ignore[assignment]
-                b + a * sin(2.0 * pi * sampled / p + q)
+                b + a * sin(2.0 * pi * t_sample / p + q)
                 for b, a, p, q in zip(
                     self.bias, self.amplitude, self.period, self.phase, strict=True
                 )

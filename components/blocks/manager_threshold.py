@@ -124,6 +124,7 @@ class ManagerThreshold(MomentumDumping):
     )
 
     def start(self) -> None:
+        """Check the thresholds (N m s) and reset the counters of dumps."""
         super().start()
         if self.sample_time == 0.0:
             self.fail("sample_time = 0 s: a dump has samples")
@@ -141,28 +142,35 @@ class ManagerThreshold(MomentumDumping):
         self._since = 0.0
         self._rest: Vec3 = ZERO
         self._dumped_before = 0.0  # N m s, by earlier dumps
-        self._taken: Vec3 = ZERO  # N m s, by the present dump
+        self._dump_impulse: Vec3 = ZERO  # N m s, by the present dump
         self._last = 0
 
-    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+    def foresee(
+        self, begin: float, end: float, wired_names: frozenset[str]
+    ) -> Iterator[str]:
         name = ("tau_cmd_thruster_body", "m_cmd_body")[self.by]
-        if name not in wired:
+        if name not in wired_names:
             self.fail(f"by = {('thrusters', 'coils')[self.by]}: {name} is unused")
         if 0.5 * max(self.pulse_body) >= self.begin - self.end:
             yield (
                 f"pulse_body = {self.pulse_body} N m s: half a pulse is no less than begin - "
                 f"end = {self.begin - self.end:.4g} N m s: a dump may fire nothing"
             )
-        yield from super().foresee(begin, end, wired)
+        yield from super().foresee(begin, end, wired_names)
 
-    def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
+    def dump(self, t: float, elapsed_time: float, h: Vec3) -> tuple[Vec3, Split]:
+        """Begin, continue or end a dump; return its torque (N m, body) and its split.
+
+        A dump goes from the momentum `begin` down to `end` (N m s). Thrusters oppose h
+        with at most `torque`, in pulses; coils follow the cross-product law.
+        """
         size = norm(h)
         fill = max(abs(x) for x in self.h_wheel) if self.fill == WHEELS else size
         if self.mode == IDLE and fill >= self.begin:
             self.mode, self._since = WAITING, t
         if self.mode == WAITING and self._goes(t, h, size, fill):
             self.mode, self._last, self._rest = DUMPING, 0, ZERO
-            self._dumped_before, self._taken = self.dumped, ZERO
+            self._dumped_before, self._dump_impulse = self.dumped, ZERO
             self.dumps += 1
         if self.mode == DUMPING and (
             self._last >= SAMPLES or fill <= self.end or size == 0.0
@@ -190,8 +198,8 @@ class ManagerThreshold(MomentumDumping):
 
     def _count(self, n: Vec3) -> None:
         """Add the impulse of a torque (N m) over a sample to that of the dump."""
-        self._taken = add(self._taken, scale(self.sample_time, n))
-        self.dumped = self._dumped_before + norm(self._taken)
+        self._dump_impulse = add(self._dump_impulse, scale(self.sample_time, n))
+        self.dumped = self._dumped_before + norm(self._dump_impulse)
 
     def _is_done(self, remaining: Vec3) -> bool:
         """Return whether the remainder of a dump is below half a pulse about each axis.

@@ -96,6 +96,7 @@ class RateGyro(Role, Sensor):
     )
 
     def start(self) -> None:
+        """Set the noise of a sample (rad/s) and the bias to their start values."""
         self._sigma = self.noise
         if self.angle_random_walk > 0.0:
             if self.sample_time <= 0.0:
@@ -109,13 +110,19 @@ class RateGyro(Role, Sensor):
         self._noise = stream(self.instance, "omega_meas_body", self.seed)
         super().start()
 
-    def measure(self, sample: int, elapsed: float) -> None:
+    def measure(self, sample: int, elapsed_time: float) -> None:
+        """Measure the rate (rad/s, body) with the errors of the gyro.
+
+        These are misalignment, scale error, noise, and a bias that walks by `bias_walk`
+        sqrt(elapsed_time). The instability is a Gauss-Markov process with the time
+        constant `instability_time` (s).
+        """
         white = ZERO
         if self._sigma > 0.0 or self.bias_walk > 0.0:
             white, walk = normal6(self._noise, sample)
-            if elapsed > 0.0:
+            if elapsed_time > 0.0:
                 self._bias = add(
-                    self._bias, scale(self.bias_walk * sqrt(elapsed), walk)
+                    self._bias, scale(self.bias_walk * sqrt(elapsed_time), walk)
                 )
         omega, error, bias, s = (
             self.omega_bi_body,
@@ -126,14 +133,20 @@ class RateGyro(Role, Sensor):
         if self.bias_instability > 0.0:
             n = normal3(self._instability, sample)
             sigma = self.bias_instability / _PEAK
-            decay = exp(-elapsed / self.instability_time) if elapsed > 0.0 else 0.0
+            decay = (
+                exp(-elapsed_time / self.instability_time)
+                if elapsed_time > 0.0
+                else 0.0
+            )
             self._drift = gauss_markov(self._drift, decay, sigma, n)
             bias = add(bias, self._drift)
         if any(self.misalignment_body):
             omega = sub(omega, cross(self.misalignment_body, omega))
-        measured = (
+        omega_measured = (
             (1.0 + error[0]) * omega[0] + bias[0] + s * white[0],
             (1.0 + error[1]) * omega[1] + bias[1] + s * white[1],
             (1.0 + error[2]) * omega[2] + bias[2] + s * white[2],
         )
-        self.omega_meas_body = digital3(measured, self.resolution, self.full_scale)
+        self.omega_meas_body = digital3(
+            omega_measured, self.resolution, self.full_scale
+        )

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from ..contract.block import Mat33, Parameter, Vec3, Vec4
 from ..contract.roles import Spacecraft
-from ..maths.attitude import normalised, product, propagated, rotate, rotate_back
+from ..maths.attitude import normalise, product, propagate, rotate, rotate_back
 from ..maths.vector import ZERO, add, cross, dot, mat_vec, norm, scale, sub
 from ..physics.orbit import MU, lvlh_attitude
 
@@ -52,7 +52,8 @@ class SpacecraftFixedAttitude(Spacecraft):
     tau_disturbance_body: Vec3 = Parameter("N.m", "a constant external torque, body")
 
     def start(self) -> None:
-        q_bo = normalised(self.q_bo)
+        """Compute attitude, rate (rad/s) and constant torque (N m) from the orbit."""
+        q_bo = normalise(self.q_bo)
         up = scale(1.0 / norm(self.r_eci), self.r_eci)
         n = norm(cross(self.r_eci, self.v_eci)) / dot(self.r_eci, self.r_eci)
         self._q = product(q_bo, lvlh_attitude(self.r_eci, self.v_eci))
@@ -76,11 +77,16 @@ class SpacecraftFixedAttitude(Spacecraft):
         self.impulse_eci = sub(self._total(), self._start_momentum)
 
     def advance(self, t: float, dt: float) -> None:
+        """Integrate h' = N - omega x h (N m s, body) over dt (s) by RK4.
+
+        N is the sum of constant torque, disturbances, thrusters and dipole x B, with
+        the attitude turning at the constant rate omega.
+        """
         omega = self._omega
         q = (
             self._q,
-            propagated(self._q, omega, 0.5 * dt),
-            propagated(self._q, omega, dt),
+            propagate(self._q, omega, 0.5 * dt),
+            propagate(self._q, omega, dt),
         )
         constant = add(add(self._n_con, self.tau_disturbance_body), self.tau_ext_body)
 

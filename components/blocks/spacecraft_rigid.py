@@ -4,7 +4,7 @@ from math import ceil, isfinite
 
 from ..contract.block import SPIN, Mat33, Parameter, Table, Vec3, Vec4
 from ..contract.roles import Spacecraft, WheelInertias
-from ..maths.attitude import normalised, product, rotate, rotate_back
+from ..maths.attitude import normalise, product, rotate, rotate_back
 from ..maths.runge_kutta import step4, step6, step8
 from ..maths.vector import ZERO, add, cross, dot, mat_vec, norm, scale, sub
 from ..physics import torques
@@ -21,7 +21,7 @@ from ..physics.rigid_body import (
     STILL,
     Torque,
     course,
-    gathered,
+    integrate_ramp,
     peak,
     ramp,
     slopes,
@@ -149,6 +149,7 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
     )
 
     def start(self) -> None:
+        """Set attitude (from eci) and momentum (N m s, eci) to their start values."""
         check_inertia(self.inertia)
         carrier = carrier_inertia(self.inertia, self.axes_wheel, self.inertia_wheel)
         self._inverse = inverse_inertia(carrier)
@@ -161,7 +162,7 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         self._drives = torques.drives_of(self.plates, self.drive_plate)
         self._driven = any(self.drive_plate)
         self._sizes()
-        q, omega = normalised(self.q_start_bi), self.omega_start_body
+        q, omega = normalise(self.q_start_bi), self.omega_start_body
         if self.start_frame == 1:
             q, omega = self._from_lvlh(q, omega)
         self._q, self._h = q, self.h_wheel
@@ -214,6 +215,16 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         return rate(rotate(self._q, self._momentum), wheels, self._inverse)
 
     def advance(self, t: float, dt: float) -> None:
+        """Propagate attitude and momentum (N m s, eci) over dt (s) by Runge-Kutta.
+
+        The order (4, 6 or 8) and the number of steps follow from the angle (rad) by
+        which body and nutation turn, with `angle_limit` as its bound.
+
+        Raises
+        ------
+        BlockError
+            If the result is not finite.
+        """
         axes, h, mean = self.axes_wheel, self._h, self.tau_mean_wheel
         wheels = body_momentum(axes, h)
         motors = ramp(
@@ -237,9 +248,9 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         if magnetic:
             bend += norm(dipole[1]) * norm(self.b_eci)
         turning = dt * dt * self._inverse_size
-        gained, bend = turning * torque, turning * bend
-        angle = self._angle(dt, wheels, gained)
-        square = angle * angle + gained
+        torque_angle, bend = turning * torque, turning * bend
+        angle = self._angle(dt, wheels, torque_angle)
+        square = angle * angle + torque_angle
         field = place = None
         if magnetic:
             field = course(self.b_eci, self.b_rate_eci, self.b_accel_eci, dt)
@@ -248,7 +259,7 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         slope = slopes(
             self.inertia,
             self._half_inverse,
-            gathered(wheels, motors, dt),
+            integrate_ramp(wheels, motors, dt),
             external,
             dipole,
             field,
@@ -256,10 +267,10 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
             self._surfaces(dt),
         )
         y = (*self._q, *self._momentum)
-        if angle * square * square + gained * bend <= self._limit4:
+        if angle * square * square + torque_angle * bend <= self._limit4:
             y = step4(slope, 0.0, y, 1.0, dt)
         elif (
-            angle * square * square * square + 2.0 * gained * bend * bend
+            angle * square * square * square + 2.0 * torque_angle * bend * bend
             <= self._limit6
         ):
             y = step6(slope, 0.0, y, 1.0, dt)
@@ -271,7 +282,7 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
             self.fail(
                 f"attitude or momentum is not finite after a step of {dt:g} s: an input is not"
             )
-        self._q = normalised(y[:4])
+        self._q = normalise(y[:4])
         self._momentum = (y[4], y[5], y[6])
         self._h = (
             h[0] + dt * mean[0],
@@ -280,7 +291,7 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
             h[3] + dt * mean[3],
         )
 
-    def _angle(self, dt: float, wheels: Vec3, gained: float) -> float:
+    def _angle(self, dt: float, wheels: Vec3, torque_angle: float) -> float:
         """Estimate the angle (rad) by which body and nutation turn in dt.
 
         It takes the wheels' momentum (N m s, body) at the beginning and the largest
@@ -293,7 +304,9 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         """
         total = rotate(self._q, self._momentum)
         omega = rate(total, wheels, self._inverse)
-        angle = dt * (norm(omega) + nutation(total, self._over_determinant)) + gained
+        angle = (
+            dt * (norm(omega) + nutation(total, self._over_determinant)) + torque_angle
+        )
         if not angle <= MOST_PARTS * self.angle_limit:
             self.fail(
                 f"in a step of {dt:g} s body and nutation turn by {angle:.3g} rad, more than "
@@ -326,7 +339,7 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         bx, by, bz = scale(dt, sub(_fall(r), cross(spin, v))) if drag != NONE else ZERO
         density, sun_eci = self.density, self.sun_eci
         pressure = self.sunlight * torques.SOLAR_PRESSURE
-        cd, fixed, drives, driven = (
+        cd, fixed_plates, drives, driven = (
             self.drag_coefficient,
             self._plates,
             self._drives,
@@ -337,7 +350,9 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
             """Compute the drag and radiation torque (N m, body)."""
             total = ZERO
             sun = mat_vec(c, sun_eci) if light != NONE or driven else ZERO
-            plates = torques.facing(fixed, drives, sun) if driven else fixed
+            plates = (
+                torques.facing(fixed_plates, drives, sun) if driven else fixed_plates
+            )
             if drag != NONE:
                 flow = mat_vec(c, (ax + e * bx, ay + e * by, az + e * bz))
                 total = (

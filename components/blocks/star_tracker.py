@@ -8,7 +8,7 @@ from ..bases.sensing import Sensor, gauss_markov
 from ..contract.block import SMALL_ANGLE, SPIN, Output, Parameter, Vec3, Vec4
 from ..contract.roles import UPRIGHT
 from ..contract.roles import StarTracker as Role
-from ..maths.attitude import propagated, rotate_back
+from ..maths.attitude import propagate, rotate_back
 from ..maths.noise import normal6, stream, uniform
 from ..maths.vector import ZERO, add, dot, norm, scale, unit
 from ..physics.orbit import EARTH_RADIUS
@@ -121,22 +121,25 @@ class StarTracker(Role, Sensor):
         starts_from=("q_bi", "omega_bi_body", "r_eci", "sun_eci", "sunlight"),
     )
 
-    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
-        if self.sun_exclusion > 0.0 and "sun_eci" not in wired:
+    def foresee(
+        self, begin: float, end: float, wired_names: frozenset[str]
+    ) -> Iterator[str]:
+        if self.sun_exclusion > 0.0 and "sun_eci" not in wired_names:
             self.fail(
                 f"sun_exclusion = {self.sun_exclusion} rad needs sun_eci, which has no wire"
             )
-        if self.earth_exclusion > 0.0 and "r_eci" not in wired:
+        if self.earth_exclusion > 0.0 and "r_eci" not in wired_names:
             self.fail(
                 f"earth_exclusion = {self.earth_exclusion} rad needs r_eci, which has no wire"
             )
-        if self.rate_limit > 0.0 and "omega_bi_body" not in wired:
+        if self.rate_limit > 0.0 and "omega_bi_body" not in wired_names:
             self.fail(
                 f"rate_limit = {self.rate_limit} rad/s needs omega_bi_body, which has no wire"
             )
-        yield from super().foresee(begin, end, wired)
+        yield from super().foresee(begin, end, wired_names)
 
     def start(self) -> None:
+        """Check boresight and delay; set drift and delay line to their start values."""
         if not any(self.boresight_body):
             self.fail("boresight_body is zero; it must be a direction")
         self._boresight = unit(self.boresight_body)
@@ -152,7 +155,9 @@ class StarTracker(Role, Sensor):
         self._noise = stream(self.instance, "q_meas_bi", self.seed)
         self._dropouts = stream(self.instance, "dropout", self.seed)
         _, drift = normal6(self._noise, 0)
-        self._drift = self._shaped(self.drift_cross, self.drift_about, drift)
+        self._drift = self._scale_by_boresight(
+            self.drift_cross, self.drift_about, drift
+        )
         self._wait = 0.0
         self.q_meas_bi = UPRIGHT
         # (sample, reason for no stars, attitude), in order, including the newest one
@@ -162,15 +167,20 @@ class StarTracker(Role, Sensor):
         ] = ()
         super().start()
 
-    def measure(self, sample: int, elapsed: float) -> None:
-        reason = self._blind(sample, elapsed)
+    def measure(self, sample: int, elapsed_time: float) -> None:
+        """Measure the attitude, or set `lost_to` to the reason why there are no stars.
+
+        Stars are acquired for `reacquisition_time` (s) after a loss; the measurement
+        leaves `delay` (s) later.
+        """
+        reason = self._blind(sample, elapsed_time)
         if reason:
             self._wait = self.reacquisition_time
         elif self._wait > 0.0:
-            self._wait -= elapsed
+            self._wait -= elapsed_time
             if self._wait > 1e-6:
                 reason = ACQUIRING
-        q = self._attitude(sample, elapsed)
+        q = self._attitude(sample, elapsed_time)
         if self._late > 0:
             before = self._waiting if sample > 0 else ()
             self._waiting = (
@@ -186,7 +196,7 @@ class StarTracker(Role, Sensor):
         if self.valid:
             self.q_meas_bi = q
 
-    def _blind(self, sample: int, elapsed: float) -> int:
+    def _blind(self, sample: int, elapsed_time: float) -> int:
         """Return why no stars are seen; 0: they are."""
         if self._is_sun_near():
             return SUN
@@ -194,8 +204,8 @@ class StarTracker(Role, Sensor):
             return EARTH
         if self.rate_limit > 0.0 and norm(self.omega_bi_body) > self.rate_limit:
             return RATE
-        if self.dropout_interval > 0.0 and elapsed > 0.0:
-            stays = exp(-elapsed / self.dropout_interval)
+        if self.dropout_interval > 0.0 and elapsed_time > 0.0:
+            stays = exp(-elapsed_time / self.dropout_interval)
             if uniform(self._dropouts, sample) > stays:
                 return DROPOUT
         return 0
@@ -228,7 +238,7 @@ class StarTracker(Role, Sensor):
         down = min(max(-dot(boresight, self.r_eci) / r, -1.0), 1.0)
         return acos(down) - asin(EARTH_RADIUS / r) < self.earth_exclusion
 
-    def _attitude(self, sample: int, elapsed: float) -> Vec4:
+    def _attitude(self, sample: int, elapsed_time: float) -> Vec4:
         """Compute the measured attitude; the errors evolve also without stars."""
         white, drift = ZERO, ZERO
         if (
@@ -238,14 +248,16 @@ class StarTracker(Role, Sensor):
             or self.drift_about > 0.0
         ):
             white, drift = normal6(self._noise, sample)
-        if elapsed > 0.0:
-            decay = exp(-elapsed / self.drift_time) if self.drift_time > 0.0 else 0.0
-            n = self._shaped(self.drift_cross, self.drift_about, drift)
+        if elapsed_time > 0.0:
+            decay = (
+                exp(-elapsed_time / self.drift_time) if self.drift_time > 0.0 else 0.0
+            )
+            n = self._scale_by_boresight(self.drift_cross, self.drift_about, drift)
             self._drift = gauss_markov(self._drift, decay, 1.0, n)
-        white = self._shaped(self.noise_cross, self.noise_about, white)
-        return propagated(self.q_bi, add(white, self._drift), 1.0)
+        white = self._scale_by_boresight(self.noise_cross, self.noise_about, white)
+        return propagate(self.q_bi, add(white, self._drift), 1.0)
 
-    def _shaped(self, across: float, about: float, v: Vec3) -> Vec3:
+    def _scale_by_boresight(self, across: float, about: float, v: Vec3) -> Vec3:
         """Scale v by `across` across the boresight and by `about` about it."""
         e = self._boresight
         return add(scale(across, v), scale((about - across) * dot(v, e), e))

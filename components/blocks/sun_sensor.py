@@ -57,7 +57,8 @@ class SunSensor(Role, Sensor):
     def mark_failed(self) -> None:
         self.valid, self.sun_meas_body = False, ZERO
 
-    def measure(self, sample: int, elapsed: float) -> None:
+    def measure(self, sample: int, elapsed_time: float) -> None:
+        """Measure the Sun's direction (1, body); invalid in shadow or out of view."""
         size = norm(self.sun_eci)
         if size == 0.0 or self.sunlight < self.sunlight_min:
             self.mark_failed()

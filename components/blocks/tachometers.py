@@ -44,7 +44,8 @@ class Tachometers(Role, Sensor):
         self._noise = stream(self.instance, "h_meas_wheel", self.seed)
         super().start()
 
-    def measure(self, sample: int, elapsed: float) -> None:
+    def measure(self, sample: int, elapsed_time: float) -> None:
+        """Measure each wheel's momentum (N m s) with bias, noise and quantisation."""
         h, b = self.h_wheel, self.bias_wheel
         if any(b):
             h = (h[0] + b[0], h[1] + b[1], h[2] + b[2], h[3] + b[3])

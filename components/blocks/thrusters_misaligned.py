@@ -78,14 +78,14 @@ class ThrustersMisaligned(Thrusters):
                         f"{j + 1}, {other:g} s to {other + long:g} s; one at a time"
                     )
 
-    def scheduled(self, i: int) -> Jet:
-        torque, force, thrust = super().scheduled(i)
+    def scheduled_jet(self, i: int) -> Jet:
+        torque, force, thrust = super().scheduled_jet(i)
         x, y, z = self.schedule_turn_body[3 * i : 3 * i + 3]
         share = (1.0 + self.scale_error) * (1.0 + self.schedule_scale_error[i])
-        torque = _turned(torque, self.turn_body)
-        return scale(share, _turned(torque, (x, y, z))), force, thrust
+        torque = _rotate(torque, self.turn_body)
+        return scale(share, _rotate(torque, (x, y, z))), force, thrust
 
 
-def _turned(v: Vec3, a: Vec3) -> Vec3:
+def _rotate(v: Vec3, a: Vec3) -> Vec3:
     """Rotate v by |a| (rad) about a."""
     return mat_vec(rotation_about(a, 1.0), v)

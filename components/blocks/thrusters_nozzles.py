@@ -110,15 +110,17 @@ class ThrustersNozzles(PulsedThrusters):
         self._open = (0.0,) * NOZZLES
         super().start()
 
-    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+    def foresee(
+        self, begin: float, end: float, wired_names: frozenset[str]
+    ) -> Iterator[str]:
         torques = tuple(jet[0] for jet in self._jets)
         missing = [name for name, side in SIDES if not gives(torques, side)]
-        if missing and "tau_cmd_thruster_body" in wired:
+        if missing and "tau_cmd_thruster_body" in wired_names:
             yield (
                 f"thrust, position_nozzle and direction_nozzle give no torque about "
                 f"{', '.join(missing)} alone: what is commanded there is not given"
             )
-        yield from super().foresee(begin, end, wired)
+        yield from super().foresee(begin, end, wired_names)
 
     def output(self, t: float) -> None:
         super().output(t)
@@ -140,20 +142,20 @@ class ThrustersNozzles(PulsedThrusters):
         on_times = least_on_times(tuple(jet[0] for jet in self._jets), impulse, period)
         return zip(on_times, self._jets, strict=True)
 
-    def scheduled(self, i: int) -> Jet:
-        torque, force, thrust = super().scheduled(i)
+    def scheduled_jet(self, i: int) -> Jet:
+        torque, force, thrust = super().scheduled_jet(i)
         for share, jet in zip(self._shares(i), self._jets, strict=True):
             torque = add(torque, scale(share, jet[0]))
             force = add(force, scale(share, jet[1]))
             thrust += share * jet[2]
         return torque, force, thrust
 
-    def fired(self, i: int, seconds: float) -> None:
+    def record_firing(self, i: int, seconds: float) -> None:
         self._open = tuple(
             x + seconds if k == i else x for k, x in enumerate(self._open)
         )
 
-    def fired_as_scheduled(self, i: int, seconds: float) -> None:
+    def record_scheduled_firing(self, i: int, seconds: float) -> None:
         if seconds > 0.0:
             self._open = tuple(
                 x + share * seconds

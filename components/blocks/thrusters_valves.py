@@ -95,6 +95,7 @@ class ThrustersValves(ThrustersNozzles):
     )
 
     def start(self) -> None:
+        """Check stuck nozzle and tank; set the valves' levels to their start values."""
         super().start()
         i = self.stuck_nozzle - 1
         if i >= 0 and self._jets[i][1] == ZERO:
@@ -109,27 +110,29 @@ class ThrustersValves(ThrustersNozzles):
             self.fail(f"tank = {self.tank} kg: not beside scheduled firings")
         if self.blowdown > 1.0 and self.tank == 0.0:
             self.fail(f"blowdown = {self.blowdown} needs a tank above 0 kg")
-        self._known = False  # whether the stuck valve is known at this step
+        self._knows_failure = False  # whether the stuck valve is known at this step
         self._key = stream(self.instance, "tau_mean_thruster_body", self.seed)
         self._levels: tuple[float, ...] = (0.0,) * NOZZLES  # s of each nozzle
 
-    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+    def foresee(
+        self, begin: float, end: float, wired_names: frozenset[str]
+    ) -> Iterator[str]:
         if self.stuck_nozzle != NO_NOZZLE and self.stuck == OPEN and self.tank == 0.0:
             yield f"stuck_nozzle = {self.stuck_nozzle} stays open without end: there is no tank"
-        yield from super().foresee(begin, end, wired)
+        yield from super().foresee(begin, end, wired_names)
 
     def output(self, t: float) -> None:
         super().output(t)
         self.propellant_left = max(self.tank - self._propellant, 0.0)
 
     def advance(self, t: float, dt: float) -> None:
-        self._known = self.failure_known and t >= self.stuck_from
+        self._knows_failure = self.failure_known and t >= self.stuck_from
         super().advance(t, dt)
 
     def commanded_on_times(self, period: float) -> Iterable[tuple[float, Jet]]:
         impulse = scale(period, self.tau_cmd_thruster_body)
         torques, stuck = tuple(jet[0] for jet in self._jets), self.stuck_nozzle - 1
-        if stuck >= 0 and self._known:
+        if stuck >= 0 and self._knows_failure:
             if self.stuck == OPEN:
                 impulse = sub(impulse, scale(period * self._pressure(), torques[stuck]))
             torques = tuple(ZERO if i == stuck else x for i, x in enumerate(torques))
@@ -144,13 +147,19 @@ class ThrustersValves(ThrustersNozzles):
         t: float,
         dt: float,
     ) -> None:
+        """Add the nozzles' thrust over the step from t (s), and take propellant (kg).
+
+        It is added to the torque's mean and slope (N m) and the force's mean (N), body.
+        """
         shares = [0.0] * (2 * NOZZLES)  # mean and slope of each nozzle's share
-        opened, levels = [0.0] * NOZZLES, list(self._levels)
+        open_time, levels = [0.0] * NOZZLES, list(self._levels)
         pressure, used = self._pressure(), 0.0
         for i in range(NOZZLES):
             _, push, thrust = self._jets[i]
             if push != ZERO:
-                a, b, levels[i], opened[i] = self._share(i, levels[i], pressure, t, dt)
+                a, b, levels[i], open_time[i] = self._share(
+                    i, levels[i], pressure, t, dt
+                )
                 shares[2 * i], shares[2 * i + 1] = a, b
                 used += dt * a * thrust / (STANDARD_GRAVITY * self.specific_impulse)
         remaining = self.tank - self._propellant
@@ -163,8 +172,8 @@ class ThrustersValves(ThrustersNozzles):
                     mean[axis] += a * torque[axis]
                     slope[axis] += b * torque[axis]
                     force[axis] += a * push[axis]
-                self._on_time += opened[i]
-                self.fired(i, opened[i])
+                self._on_time += open_time[i]
+                self.record_firing(i, open_time[i])
         self._levels = tuple(levels)
         self._propellant = self.tank if share < 1.0 else self._propellant + used
 
@@ -197,7 +206,7 @@ class ThrustersValves(ThrustersNozzles):
         off = min(max(end - t, on), always)
         goal = pressure
         if self.impulse_scatter > 0.0 and off > on:
-            goal *= max(1.0 + self.impulse_scatter * self._drawn(i), 0.0)
+            goal *= max(1.0 + self.impulse_scatter * self._draw_pulse_error(i), 0.0)
         mean = slope = 0.0
         for first, last, target, lag in (
             (0.0, on, 0.0, self.decay_time),
@@ -213,6 +222,6 @@ class ThrustersValves(ThrustersNozzles):
                 mean, slope, level = mean + a, slope + b, after
         return mean, slope, level, off - on + dt - always
 
-    def _drawn(self, i: int) -> float:
+    def _draw_pulse_error(self, i: int) -> float:
         """Draw the normal number of the pulse of nozzle i at this sample."""
         return normal_pair(self._key, self._sample, 2 * i)[0]

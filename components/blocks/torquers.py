@@ -121,12 +121,13 @@ class Torquers(Role):
     power: float = Output("W", "electric power of all coils at this time")
 
     def start(self) -> None:
+        """Check axes and times; compute the allocations of all and of healthy coils."""
         super().start()
         self._check_axes()
         self._check_times()
-        failed = self.failed_coil - 1
+        dead_coil = self.failed_coil - 1
         rest = tuple(
-            0.0 if i % 4 == failed else x for i, x in enumerate(self.axes_coil)
+            0.0 if i % 4 == dead_coil else x for i, x in enumerate(self.axes_coil)
         )
         self._allocation = pseudo_inverse(self.axes_coil)
         self._allocation_of_rest = pseudo_inverse(rest)
@@ -135,7 +136,7 @@ class Torquers(Role):
         self._command_body = ZERO
         self._begin = self._constant_until = 0.0
         self._coils_on = 0
-        self._failed = False  # as of the last sample
+        self._coil_failed = False  # as of the last sample
         self._on_time = self._energy = 0.0
         self.m_mean_body = self.m_slope_body = ZERO
 
@@ -165,13 +166,15 @@ class Torquers(Role):
                 f"quiet_time = {self.quiet_time} s must be shorter than sample_time"
             )
 
-    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
-        if self.m_limit == 0.0 and self.drive != IDEAL and "m_cmd_body" in wired:
+    def foresee(
+        self, begin: float, end: float, wired_names: frozenset[str]
+    ) -> Iterator[str]:
+        if self.m_limit == 0.0 and self.drive != IDEAL and "m_cmd_body" in wired_names:
             self.fail(
                 "m_limit = 0 A.m2: these rods make no dipole, whatever a manager commands; "
                 "give them one, or fly without torquers"
             )
-        yield from super().foresee(begin, end, wired)
+        yield from super().foresee(begin, end, wired_names)
 
     def output(self, t: float) -> None:
         a, b, c, d = self.m_coil = self._m
@@ -183,12 +186,15 @@ class Torquers(Role):
         self.electric_energy = 2.0 * joule * self._energy
 
     def advance(self, t: float, dt: float) -> None:
+        """Take a due sample; set mean and slope of the dipole (A m2, body)."""
         if self.due(t):
             self._take(t)
         if self._begin <= t and t + dt <= self._constant_until:
             self._hold(dt)
             return
-        over_step = self._switched if self.lag == 0.0 else self._switched_with_lag
+        over_step = (
+            self._switched_without_lag if self.lag == 0.0 else self._switched_with_lag
+        )
         mean, slope, self._m = zip(
             *[over_step(i, t, dt) for i in range(4)], strict=True
         )
@@ -198,30 +204,30 @@ class Torquers(Role):
     def _take(self, t: float) -> None:
         """Take a sample: command of each coil, and its beginning and end."""
         fails = self.failed_coil != NO_COIL
-        failed = fails and t >= self.failed_from
-        dipoles = self._allocated(failed)
-        if failed and not self._failed:
+        has_failed = fails and t >= self.failed_from
+        dipoles = self._allocate(has_failed)
+        if has_failed and not self._coil_failed:
             self._m = self._without_failed(self._m)
-        self._failed = failed
+        self._coil_failed = has_failed
         self._command = self._driven(dipoles)
         self._begin = t + (self.pulse_delay if self.drive == PULSED else 0.0)
         self._end = self._ends(dipoles)
-        if fails and not failed:
+        if fails and not has_failed:
             i = self.failed_coil - 1
             end = min(self._end[i], self.failed_from)
-            self._end = _replaced(self._end, i, end)
+            self._end = _replace_element(self._end, i, end)
         self._command_body = body_momentum(self.axes_coil, self._command)
         self._coils_on = 4 - self._command.count(0.0)
         self._constant_until = min(self._end) if self.drive != PULSED else self._begin
 
-    def _allocated(self, failed: bool) -> Vec4:
+    def _allocate(self, has_failed: bool) -> Vec4:
         """Allocate the commanded dipole to the coils (A m2)."""
-        if failed and self.failure_known:
+        if has_failed and self.failure_known:
             return self._without_failed(
                 to_wheels(self._allocation_of_rest, self.m_cmd_body)
             )
         dipoles = to_wheels(self._allocation, self.m_cmd_body)
-        return self._without_failed(dipoles) if failed else dipoles
+        return self._without_failed(dipoles) if has_failed else dipoles
 
     def _driven(self, dipoles: Vec4) -> Vec4:
         """Compute the dipole of each coil while it is on (A m2)."""
@@ -260,7 +266,7 @@ class Torquers(Role):
     def _without_failed(self, x: Vec4) -> Vec4:
         """Return x with the failed coil's element reduced to its share."""
         i = self.failed_coil - 1
-        return _replaced(x, i, 0.0 + self.failed_share * x[i])
+        return _replace_element(x, i, 0.0 + self.failed_share * x[i])
 
     def _hold(self, dt: float) -> None:
         """Integrate the coils over a step of dt (s) with constant commands.
@@ -305,7 +311,7 @@ class Torquers(Role):
         pulses = int(abs(m) / self.m_limit * self.sample_time / self.least_pulse + 0.5)
         return min(pulses, most_pulses) * self.least_pulse
 
-    def _switched(self, i: int, t: float, dt: float) -> Vec3:
+    def _switched_without_lag(self, i: int, t: float, dt: float) -> Vec3:
         """Compute mean, slope and end value (A m2) of coil i over a step.
 
         There is no lag.
@@ -341,7 +347,7 @@ class Torquers(Role):
 
     def _alive(self, i: int, t: float, dt: float) -> float:
         """Return for how long (s) of a step coil i follows its last command."""
-        if i != self.failed_coil - 1 or self._failed:
+        if i != self.failed_coil - 1 or self._coil_failed:
             return dt
         return min(max(self.failed_from - t, 0.0), dt)
 
@@ -351,7 +357,7 @@ def _within(x: float, limit: float) -> float:
     return min(max(x, -limit), limit)
 
 
-def _replaced(x: Vec4, i: int, value: float) -> Vec4:
+def _replace_element(x: Vec4, i: int, value: float) -> Vec4:
     """Return x with element i replaced."""
     a, b, c, d = x
     return (

@@ -90,16 +90,23 @@ class TorquersPassive(Torquers):
         self.on_time = self.dipole_energy = self.electric_energy = 0.0
         self.m_mean_body, self.m_slope_body = self.magnet_body, ZERO
 
-    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
-        if "m_cmd_body" in wired:
+    def foresee(
+        self, begin: float, end: float, wired_names: frozenset[str]
+    ) -> Iterator[str]:
+        if "m_cmd_body" in wired_names:
             yield "m_cmd_body is wired, and a magnet and rods read no command"
-        yield from super().foresee(begin, end, wired)
+        yield from super().foresee(begin, end, wired_names)
 
     def output(self, t: float) -> None:
         self.flux_body = self._flux
         self.m_body = self._dipole(self._flux)
 
     def advance(self, t: float, dt: float) -> None:
+        """Follow the hysteresis and set the mean dipole (A m2, body) and its slope.
+
+        The field at the end of the step is extrapolated from its change over the last
+        one.
+        """
         field = scale(1.0 / MU_0, rotate(self.q_bi, self.b_eci))
         if self._field is None:
             x, y, z = (self._anhysteretic(h) for h in field)

@@ -89,6 +89,7 @@ class TorquersRods(Torquers):
     )
 
     def start(self) -> None:
+        """Check the circuit; compute resistance (Ohm), lag (s) and limit (A m2)."""
         super().start()
         if warm(1.0, self.temperature, self.temperature_coefficient) <= 0.0:
             self.fail(
@@ -126,13 +127,15 @@ class TorquersRods(Torquers):
         self._dipoles: Vec4 = (0.0, 0.0, 0.0, 0.0)
         self._heat = 0.0
 
-    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+    def foresee(
+        self, begin: float, end: float, wired_names: frozenset[str]
+    ) -> Iterator[str]:
         if 0.0 < self._most < self.m_limit:
             yield (
                 f"supply_voltage = {self.supply_voltage:g} V holds {self._most:.3g} A m2 at "
                 f"{self.temperature:g} K, less than m_limit = {self.m_limit:g} A m2"
             )
-        yield from super().foresee(begin, end, wired)
+        yield from super().foresee(begin, end, wired_names)
 
     def output(self, t: float) -> None:
         super().output(t)
@@ -172,7 +175,7 @@ class TorquersRods(Torquers):
         # off, on, off, and dead, when no current is driven
         for first, last, target, lag in (
             (0.0, on, 0.0, self._time_constant),
-            (on, off, self._held(u), self._time_constant),
+            (on, off, self._limit_current(u), self._time_constant),
             (off, alive, 0.0, self._time_constant),
             (alive, dt, 0.0, 0.0),
         ):
@@ -198,7 +201,7 @@ class TorquersRods(Torquers):
         )
         return mean, slope, x
 
-    def _held(self, command: float) -> float:
+    def _limit_current(self, command: float) -> float:
         """Limit a command (A m2) to the current (A m2) that the bridge reaches."""
         x = self._share * command
         return min(max(x, -self._most), self._most) if self._most > 0.0 else x

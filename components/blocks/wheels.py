@@ -202,7 +202,16 @@ class Wheels(Role, WheelInertias):
         usual=(0.0, 10.0),
     )
 
-    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+    def foresee(
+        self, begin: float, end: float, wired_names: frozenset[str]
+    ) -> Iterator[str]:
+        """Yield the problems known before a run: momentum of an absent wheel.
+
+        Raises
+        ------
+        BlockError
+            If the wheels cannot turn the craft about some axis.
+        """
         for i in range(4):
             self._check_absence(i)
             if self.inertia_wheel[i] == 0.0 and self.h_start_wheel[i] != 0.0:
@@ -224,9 +233,10 @@ class Wheels(Role, WheelInertias):
             self.fail(
                 f"axes_wheel: they lie in a plane: no wheel turns the craft about ({about})"
             )
-        yield from super().foresee(begin, end, wired)
+        yield from super().foresee(begin, end, wired_names)
 
     def start(self) -> None:
+        """Set rotors, speed loops and rotor angles (rad) to their start values."""
         self._present = tuple(i for i in range(4) if self.inertia_wheel[i] > 0.0)
         self._check_parameters()
         self._motors: tuple[Motor, ...] = tuple(
@@ -259,7 +269,7 @@ class Wheels(Role, WheelInertias):
             for h, speed in zip(self.h_start_wheel, self.speed_wheel, strict=True)
         )
         self._loops: tuple[Loop, ...] = ((-1, 0.0),) * 4
-        self._turned: tuple[float, ...] = tuple(
+        self._rotor_angles: tuple[float, ...] = tuple(
             FULL_TURN
             * uniform(stream(self.instance, "tau_jitter_body", self.seed), 0, i)
             for i in range(4)
@@ -268,7 +278,7 @@ class Wheels(Role, WheelInertias):
             self._across_axis(i) for i in range(4)
         )
         self._across = self._momentum_across(self.speed_wheel)
-        self._failed = False
+        self._has_failed = False
         self.tau_mean_wheel = self.tau_slope_wheel = NOTHING
         self.tau_jitter_body = ZERO
 
@@ -340,7 +350,12 @@ class Wheels(Role, WheelInertias):
         return (speed[0], speed[1], speed[2], speed[3])
 
     def output(self, t: float) -> None:
-        h, saturated = [0.0] * 4, [False] * 4
+        """Set momentum (N m s) and flags of each wheel, and the power (W).
+
+        A wheel takes `idle_power`, its mechanical power where that is positive, and the
+        copper loss (drive / motor_constant)^2.
+        """
+        h, is_saturated = [0.0] * 4, [False] * 4
         rotors, inertia, rates = self._rotors, self.inertia_wheel, self._rates
         idle, constant = self.idle_power, self.motor_constant
         fastest = self.speed_limit * (1.0 - AT_LIMIT)
@@ -348,22 +363,32 @@ class Wheels(Role, WheelInertias):
         for i in self._present:
             h[i], torque, learnt, _ = rotors[i]
             speed = h[i] / inertia[i] - rates[i]
-            saturated[i] = abs(speed) >= fastest
+            is_saturated[i] = abs(speed) >= fastest
             drive = self.driven(torque + learnt, speed)
             power += idle + max(0.0, drive * speed)
             if constant > 0.0:
                 power += (drive / constant) ** 2
         self.h_wheel = (h[0], h[1], h[2], h[3])
-        self.saturated_wheel = (saturated[0], saturated[1], saturated[2], saturated[3])
-        a, b, c, d = FAILURES[self.failed if self._failed else 0]
+        self.saturated_wheel = (
+            is_saturated[0],
+            is_saturated[1],
+            is_saturated[2],
+            is_saturated[3],
+        )
+        a, b, c, d = FAILURES[self.failed if self._has_failed else 0]
         self.failed_wheel = (a > 0, b > 0, c > 0, d > 0)
         self.power = power
 
     def advance(self, t: float, dt: float) -> None:
+        """Propagate the rotors over dt (s); set mean and slope of their torques (N m).
+
+        Mean and slope preserve the change of the rotor's momentum and its integral over
+        the step. `speed_wheel` (rad/s) is the speed at the beginning.
+        """
         now = self._axial(self.omega_bi_body)
         then = self._ahead(now, dt)
         self._rates = now
-        mean, slope, turned = [0.0] * 4, [0.0] * 4, list(self._turned)
+        mean, slope, angles = [0.0] * 4, [0.0] * 4, list(self._rotor_angles)
         rotors, loops, speed = list(self._rotors), list(self._loops), [0.0] * 4
         inertia, torque_mode = self.inertia_wheel, self.command_mode == TORQUE
         most, fails = self.torque_limit, FAILURES[self.failed]
@@ -372,7 +397,7 @@ class Wheels(Role, WheelInertias):
             speed[i] = h0 / inertia[i] - now[i]
             if torque_mode and not fails[i]:
                 command = min(max(self.tau_cmd_wheel[i], -most), most)
-                rotors[i], integral = self.turned(
+                rotors[i], integral = self.propagate_rotor(
                     self._motors[i],
                     rotors[i],
                     command,
@@ -388,19 +413,19 @@ class Wheels(Role, WheelInertias):
             h1 = rotors[i][0]
             mean[i] = (h1 - h0) / dt
             slope[i] = 12.0 * ((h1 - integral / dt) / dt - 0.5 * mean[i])
-            turned[i] += integral / inertia[i] - 0.5 * dt * (now[i] + then[i])
+            angles[i] += integral / inertia[i] - 0.5 * dt * (now[i] + then[i])
         self._rotors, self._loops = tuple(rotors), tuple(loops)
         self._rates = then  # for the next outputs
         self.speed_wheel = (speed[0], speed[1], speed[2], speed[3])
-        self._failed = self.failed > 0 and t + dt >= self.failed_from - EDGE * dt
+        self._has_failed = self.failed > 0 and t + dt >= self.failed_from - EDGE * dt
         self.tau_mean_wheel = (mean[0], mean[1], mean[2], mean[3])
         self.tau_slope_wheel = (slope[0], slope[1], slope[2], slope[3])
         if self.unbalance > 0.0:
-            self._turned = tuple(x % FULL_TURN for x in turned)
+            self._rotor_angles = tuple(x % FULL_TURN for x in angles)
             before, self._across = self._across, self._momentum_across(self._speeds())
             self.tau_jitter_body = scale(1.0 / dt, sub(before, self._across))
 
-    def turned(
+    def propagate_rotor(
         self,
         motor: Motor,
         rotor: Rotor,
@@ -460,7 +485,11 @@ class Wheels(Role, WheelInertias):
         The step is divided where the wheel fails and where its speed loop takes a
         sample. Returns the rotor, the integral of its h (N m s2), and its speed loop.
         """
-        motor, rotor, (sample, held) = self._motors[i], self._rotors[i], self._loops[i]
+        motor, rotor, (sample, loop_torque) = (
+            self._motors[i],
+            self._rotors[i],
+            self._loops[i],
+        )
         fails = self.failed_from - t if FAILURES[self.failed][i] else inf
         total, begin, rate = 0.0, 0.0, now
         while begin < dt:
@@ -472,26 +501,29 @@ class Wheels(Role, WheelInertias):
                     (rotor[0], 0.0, 0.0, rotor[3]),
                 )
             elif self.command_mode == TORQUE:
-                command = self._limited(self.tau_cmd_wheel[i])
+                command = self._limit_torque(self.tau_cmd_wheel[i])
             else:
                 due = floor((t + begin) / self.speed_sample_time + EDGE)
                 if due > sample:
-                    sample, held = due, self._speed_command(i, rotor[0], rate)
-                end, command = min(end, (due + 1) * self.speed_sample_time - t), held
+                    sample, loop_torque = due, self._speed_command(i, rotor[0], rate)
+                end, command = (
+                    min(end, (due + 1) * self.speed_sample_time - t),
+                    loop_torque,
+                )
             end = dt if end > dt * (1.0 - EDGE) else end
             ahead = then if end == dt else now + (then - now) * end / dt
-            rotor, integral = self.turned(
+            rotor, integral = self.propagate_rotor(
                 motor, rotor, command, rate, ahead, end - begin, fastest
             )
             total, begin, rate = total + integral, end, ahead
-        return rotor, total, (sample, held)
+        return rotor, total, (sample, loop_torque)
 
     def _speed_command(self, i: int, h: float, rate: float) -> float:
         """Compute the torque (N m) of the speed loop of wheel i."""
         error = self.speed_cmd_wheel[i] - (h / self.inertia_wheel[i] - rate)
-        return self._limited(self.speed_gain * self.inertia_wheel[i] * error)
+        return self._limit_torque(self.speed_gain * self.inertia_wheel[i] * error)
 
-    def _limited(self, torque: float) -> float:
+    def _limit_torque(self, torque: float) -> float:
         """Limit a torque (N m) to +-torque_limit."""
         return min(max(torque, -self.torque_limit), self.torque_limit)
 
@@ -514,7 +546,7 @@ class Wheels(Role, WheelInertias):
         if self.unbalance == 0.0:
             return total
         for i in self._present:
-            size, angle = self.unbalance * speeds[i], self._turned[i]
+            size, angle = self.unbalance * speeds[i], self._rotor_angles[i]
             one, other = self._across_axes[i]
             total = add(
                 total,

@@ -3,7 +3,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ..contract.block import Parameter, Table
-from ..physics.driven_rotor import ENTRIES, Curve, limited, step
+from ..physics.driven_rotor import ENTRIES, Curve, limit_motor_torque, step
 from ..physics.rotor import Motor, Rotor
 from ..physics.rotor import step as plain_step
 from .wheels import Wheels
@@ -63,6 +63,7 @@ class WheelsMotor(Wheels):
     )
 
     def start(self) -> None:
+        """Build the motor's curve: no-load speed (rad/s), slope, table of the drag."""
         entries = self._entries()
         no_load = 0.0
         if self.supply_voltage > 0.0:
@@ -109,7 +110,9 @@ class WheelsMotor(Wheels):
             )
         return entries
 
-    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+    def foresee(
+        self, begin: float, end: float, wired_names: frozenset[str]
+    ) -> Iterator[str]:
         no_load, _, entries, speeds, _ = self._curve
         if 0.0 < no_load < self.speed_limit:
             yield (
@@ -122,9 +125,9 @@ class WheelsMotor(Wheels):
                 f"drag_speed ends at {speeds[entries - 1]:g} rad/s, below speed_limit = "
                 f"{self.speed_limit:g} rad/s: beyond it the drag goes on as between the last two"
             )
-        yield from super().foresee(begin, end, wired)
+        yield from super().foresee(begin, end, wired_names)
 
-    def turned(
+    def propagate_rotor(
         self,
         motor: Motor,
         rotor: Rotor,
@@ -139,7 +142,7 @@ class WheelsMotor(Wheels):
         return step(motor, self._curve, rotor, command, rate0, rate1, dt, fastest)
 
     def driven(self, torque: float, speed: float) -> float:
-        return limited(self._motors[0], self._curve, torque, speed)
+        return limit_motor_torque(self._motors[0], self._curve, torque, speed)
 
 
 def _row(x: Table) -> tuple[float, float, float, float, float, float, float, float]:

@@ -315,6 +315,7 @@ class Access:
     """
 
     def __init__(self, block: Block, positions: Sequence[int]) -> None:
+        """Select the scalars at these positions of `scalars()`, in their order."""
         scalars = block.scalars()
         self._values = vars(block)
         self._steps: list[
@@ -392,14 +393,14 @@ class Block:
         Raise TypeError if a variable contradicts its role, or `needs` or `slope` name
         none.
         """
-        found = {
+        variable_of = {
             v.name: v for base in cls.__bases__ for v in getattr(base, "variables", ())
         }
         for name, declaration in list(vars(cls).items()):
             if not isinstance(declaration, _Declaration):
                 continue
             variable = declaration.variable(cls, name)
-            older = found.get(name)
+            older = variable_of.get(name)
             if older and (older.causality, older.type, older.shape, older.unit) != (
                 variable.causality,
                 variable.type,
@@ -407,15 +408,15 @@ class Block:
                 variable.unit,
             ):
                 raise TypeError(f"{cls.__name__}.{name} changes what its role declares")
-            found[name] = variable
+            variable_of[name] = variable
             delattr(cls, name)
-        for name in {n for v in found.values() for n in v.needs}:
-            if name not in found or found[name].causality == "parameter":
+        for name in {n for v in variable_of.values() for n in v.needs}:
+            if name not in variable_of or variable_of[name].causality == "parameter":
                 raise TypeError(
                     f"{cls.__name__}: needs {name!r}, which is no input or output"
                 )
-        for v in found.values():
-            other = found.get(v.slope) if v.slope else None
+        for v in variable_of.values():
+            other = variable_of.get(v.slope) if v.slope else None
             if v.slope and (
                 other is None or not other.interval or other.shape != v.shape
             ):
@@ -424,9 +425,10 @@ class Block:
                 )
         cls.variables = tuple(
             replace(
-                v, needed_by=tuple(n for n, w in found.items() if v.name in w.needs)
+                v,
+                needed_by=tuple(n for n, w in variable_of.items() if v.name in w.needs),
             )
-            for v in found.values()
+            for v in variable_of.values()
         )
 
     def __init__(self) -> None:
@@ -479,12 +481,14 @@ class Block:
         """Raise BlockError: these parameters or inputs are invalid."""
         raise BlockError(text)
 
-    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+    def foresee(
+        self, begin: float, end: float, wired_names: frozenset[str]
+    ) -> Iterator[str]:
         """Yield the problems that are known before a run from begin to end (s).
 
         Each line names a condition that makes the results doubtful or the block
         useless, and begins with the variable that it concerns. `desat check` calls this
-        on a block that has its parameters and has started; no host does. `wired` holds
+        on a block that has its parameters and has started; no host does. `wired_names` holds
         the inputs that are fed or set, and the outputs that a component reads.
 
         Raises

@@ -59,15 +59,15 @@ def unit_under(
     None means that the unit is as declared.
     """
     for law in getattr(manager, "offers", ()):
-        chosen = {k: x for k, x in law.gains.items() if isinstance(values.get(k), str)}
-        if parameter in law.units and all(values[k] == x for k, x in chosen.items()):
+        choices = {k: x for k, x in law.gains.items() if isinstance(values.get(k), str)}
+        if parameter in law.units and all(values[k] == x for k, x in choices.items()):
             return str(law.units[parameter])
     return None
 
 
 def needs_of(manager: type) -> list[Need]:
     """Collect what a craft must have for a manager, from its class and its bases."""
-    declared = {
+    declared_needs = {
         need for c in manager.__mro__ for need in vars(c).get("craft_needs", ())
     }
-    return [need for need in Need if need in declared]
+    return [need for need in Need if need in declared_needs]

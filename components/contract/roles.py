@@ -34,7 +34,7 @@ class Computer(Sampled):
 
     def start(self) -> None:
         super().start()
-        self._decided: tuple[float, ...] = ()
+        self._last_commands: tuple[float, ...] = ()
         # (time at which it leaves, *commands), in order of time
         self._waiting: Annotated[tuple[tuple[float, ...], ...], ON_THEIR_WAY] = ()
 
@@ -59,11 +59,11 @@ class Computer(Sampled):
             self.compute(t, dt)
             return
         leaving = self.commands()
-        before = self._decided or leaving
+        before = self._last_commands or leaving
         self.command(before)
         self.compute(t, dt)
-        self._decided = self.commands()
-        if self._decided != before:
+        self._last_commands = self.commands()
+        if self._last_commands != before:
             self._send(t, dt)
         while self._waiting and self._waiting[0][0] <= t + 1e-6 * dt:
             leaving, self._waiting = self._waiting[0][1:], self._waiting[1:]
@@ -82,7 +82,7 @@ class Computer(Sampled):
             self.fail(
                 f"delay = {self.delay} s holds more than {ON_THEIR_WAY} commands back"
             )
-        self._waiting = (*self._waiting, (t + self.delay, *self._decided))
+        self._waiting = (*self._waiting, (t + self.delay, *self._last_commands))
 
 
 # The frame of every variable whose name ends in eci.
@@ -532,11 +532,13 @@ class Controller(Computer):
         "N.m", "torque wanted on the body, body", interval=True
     )
 
-    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+    def foresee(
+        self, begin: float, end: float, wired_names: frozenset[str]
+    ) -> Iterator[str]:
         """Yield the problems known before a run: also a missing reference attitude."""
-        if "q_ref_bi" not in wired:
+        if "q_ref_bi" not in wired_names:
             yield "q_ref_bi is neither wired nor given: the axes of eci are held"
-        yield from super().foresee(begin, end, wired)
+        yield from super().foresee(begin, end, wired_names)
 
     def commands(self) -> tuple[float, ...]:
         """Return the torque command (3,) N m, body."""
@@ -688,13 +690,13 @@ class WheelManager(Manager, WheelAxes):
                     f"sample_time = {self.sample_time} s"
                 )
 
-    def wheels_due(self, t: float, sampled: bool) -> bool:
+    def wheels_due(self, t: float, is_sample: bool) -> bool:
         """Return whether the wheels get a new command in the step from t (s).
 
-        `sampled`: the manager takes a sample in this step. Call it once per step.
+        `is_sample`: the manager takes a sample in this step. Call it once per step.
         """
         if self.wheel_sample_time <= 0.0:
-            return sampled
+            return is_sample
         sample = floor(t / self.wheel_sample_time + 1e-6)
         if sample <= self._wheel_sample:
             return False

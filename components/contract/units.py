@@ -115,14 +115,14 @@ def times(a: Unit, b: Unit, power: int = 1) -> Unit:
 
 def _tokens(text: str) -> list[str]:
     """Split an expression into its factors and signs."""
-    found, at = [], 0
+    tokens, at = [], 0
     while at < len(text):
         token = _TOKEN.match(text, at)
         if token is None:
             raise ValueError(f"{text[at:]} is no unit; the form is kg.m2/(A.s3)")
-        found.append(token.group())
+        tokens.append(token.group())
         at = token.end()
-    return found
+    return tokens
 
 
 def _quotient(tokens: list[str], at: int) -> tuple[Unit, int]:
@@ -160,10 +160,12 @@ def _factor(tokens: list[str], at: int) -> tuple[Unit, int]:
     match = _TOKEN.fullmatch(tokens[at])
     if match is None or match.group(1) is None:
         raise ValueError(f"a name is missing before {tokens[at]}")
-    return times(Unit(), _named(match.group(1)), int(match.group(2) or 1)), at + 1
+    return times(
+        Unit(), _unit_of_name(match.group(1)), int(match.group(2) or 1)
+    ), at + 1
 
 
-def _named(name: str) -> Unit:
+def _unit_of_name(name: str) -> Unit:
     """Return the unit of a name, with or without a prefix."""
     if name in SI:
         return SI[name]

@@ -29,7 +29,7 @@ def tracking_error(
     return e, sub(omega_BI_B, rotate(dq, omega_RI_R))
 
 
-def integrated(xi: Vec3, e: Vec3, time: float, limit: float) -> Vec3:
+def integrate_error(xi: Vec3, e: Vec3, time: float, limit: float) -> Vec3:
     """Integrate the error: xi + time e (s), each component within +-limit (s).
 
     limit 0: none.
@@ -38,12 +38,12 @@ def integrated(xi: Vec3, e: Vec3, time: float, limit: float) -> Vec3:
     return clip(xi, limit) if limit > 0.0 else xi
 
 
-def unwound(xi: Vec3, advanced: Vec3) -> Vec3:
-    """Return xi, with the components of `advanced` that are nearer to zero."""
+def unwound(xi: Vec3, xi_after: Vec3) -> Vec3:
+    """Return xi, with the components of `xi_after` that are nearer to zero."""
     return (
-        advanced[0] if abs(advanced[0]) < abs(xi[0]) else xi[0],
-        advanced[1] if abs(advanced[1]) < abs(xi[1]) else xi[1],
-        advanced[2] if abs(advanced[2]) < abs(xi[2]) else xi[2],
+        xi_after[0] if abs(xi_after[0]) < abs(xi[0]) else xi[0],
+        xi_after[1] if abs(xi_after[1]) < abs(xi[1]) else xi[1],
+        xi_after[2] if abs(xi_after[2]) < abs(xi[2]) else xi[2],
     )
 
 
@@ -73,7 +73,7 @@ def pid_torque(
     )
 
 
-def limited(tau: Vec3, limit: float) -> Vec3:
+def limit_torque(tau: Vec3, limit: float) -> Vec3:
     """Limit each component of tau (N m) to +-limit (N m); limit 0: none."""
     return clip(tau, limit) if limit > 0.0 else tau
 

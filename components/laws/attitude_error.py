@@ -25,7 +25,7 @@ from math import exp
 
 from ..contract.block import Table, Vec3, Vec4
 from ..maths import kalman
-from ..maths.attitude import IDENTITY_Q, propagated
+from ..maths.attitude import IDENTITY_Q, propagate
 from ..maths.matrix import crossing
 from ..maths.vector import dot, mat_vec, sub
 from .predictive import inverse_of_lower, root
@@ -49,23 +49,23 @@ def first_covariance(angle: float, field: float) -> Table:
     return tuple(p)
 
 
-def walked(p: Table, walk: float, elapsed: float) -> Table:
+def add_walk(p: Table, walk: float, elapsed_time: float) -> Table:
     """Return P after the elapsed time (s), in which theta walks (rad in a root second)."""
     covariance = [0.0] * (STATES * STATES)
     for i in range(STATES * STATES):
         covariance[i] = p[i]
     for i in range(ANGLES):
-        covariance[(STATES + 1) * i] += walk * walk * elapsed
+        covariance[(STATES + 1) * i] += walk * walk * elapsed_time
     return tuple(covariance)
 
 
 def update(
     x: Table,
     p: Table,
-    measured: Vec3,
-    expected: Vec3,
+    measured_field: Vec3,
+    model_field: Vec3,
     variance: float,
-    estimated: int,
+    estimated_states: int,
 ) -> tuple[Table, Table, float]:
     """Return (x, P) after a measurement, and how large its innovation is.
 
@@ -75,11 +75,11 @@ def update(
     ----------
     x, p : Table
         State, from zeros on, and covariance (row-major).
-    measured, expected : Vec3
+    measured_field, model_field : Vec3
         The measured field z, and that of the model, B (T, or directions; body).
     variance : float
         Of a measured component (the square of their unit).
-    estimated : int
+    estimated_states : int
         STATES; or ANGLES, with c only considered.
     """
     state, covariance = [0.0] * STATES, [0.0] * (STATES * STATES)
@@ -87,14 +87,14 @@ def update(
         state[i] = x[i]
     for i in range(STATES * STATES):
         covariance[i] = p[i]
-    found = sub(measured, expected)
+    field_difference = sub(measured_field, model_field)
     # the derivative by theta, taken at the measured field, as an expected one that moves
     # with the estimate would seem to show the third axis
-    slopes = crossing(measured)
+    slopes = crossing(measured_field)
     product = [0.0] * STATES
     squares = 0.0
     for row in range(3):
-        innovation = found[row] - state[ANGLES + row]
+        innovation = field_difference[row] - state[ANGLES + row]
         for j in range(ANGLES):
             # by as much as the components before this one have corrected it
             innovation -= slopes[3 * row + j] * (state[j] - x[j])
@@ -106,7 +106,7 @@ def update(
         for j in range(ANGLES):
             total += slopes[3 * row + j] * product[j]
         squares += innovation * innovation / total
-        kalman.correct(state, covariance, product, innovation, total, estimated)
+        kalman.correct(state, covariance, product, innovation, total, estimated_states)
     # two axes are across the field
     return tuple(state), tuple(covariance), 0.5 * squares
 
@@ -114,10 +114,10 @@ def update(
 def variance_of(
     x: Table,
     remainder: Table,
-    measured: Vec3,
-    expected: Vec3,
+    measured_field: Vec3,
+    model_field: Vec3,
     noise: float,
-    elapsed: float,
+    elapsed_time: float,
     memory: float,
 ) -> tuple[float, Table]:
     """Return the variance (T2) of v, and the mean square of what x does not explain.
@@ -132,21 +132,24 @@ def variance_of(
         State.
     remainder : Table
         Mean square (T2) of z - B - c, and its weight in samples, from zeros on.
-    measured, expected : Vec3
+    measured_field, model_field : Vec3
         Of `update`, in T.
     noise : float
         Standard deviation of a measured field from a model that fits (T, each axis).
-    elapsed : float
+    elapsed_time : float
         Time since the last measurement (s), above 0.
     memory : float
         Time constant of the mean square (s).
     """
-    remaining = sub(sub(measured, expected), field_error_of(x))
-    weight = remainder[1] * exp(-elapsed / memory) + 1.0
+    remaining = sub(sub(measured_field, model_field), field_error_of(x))
+    weight = remainder[1] * exp(-elapsed_time / memory) + 1.0
     square = remainder[0] + (dot(remaining, remaining) / 3.0 - remainder[0]) / weight
     least = noise * noise
-    correlated = max(CORRELATION_TIME / elapsed, 1.0)
-    return least + correlated * square * (1.0 + square / least), (square, weight)
+    correlated_samples = max(CORRELATION_TIME / elapsed_time, 1.0)
+    return least + correlated_samples * square * (1.0 + square / least), (
+        square,
+        weight,
+    )
 
 
 def angles_of(x: Table) -> Vec3:
@@ -161,7 +164,7 @@ def field_error_of(x: Table) -> Vec3:
 
 def rotation(x: Table) -> Vec4:
     """Return the quaternion of the estimated error: true body from known body."""
-    return propagated(IDENTITY_Q, angles_of(x), 1.0)
+    return propagate(IDENTITY_Q, angles_of(x), 1.0)
 
 
 def is_significant(x: Table, p: Table) -> bool:

@@ -74,9 +74,9 @@ def ocdc(n: Vec3, b: Vec3, weight_ratio: float) -> Split:
     return _with_thrusters(n, b, scale(-share / size2, cross(n, b)))
 
 
-def saturated(split: Split, b: Vec3, limit: float) -> Split:
+def limit_dipole(split: Split, b: Vec3, limit: float) -> Split:
     """Limit each dipole component to +-limit (A m2); thrusters compensate (eq. 34)."""
-    return _compensated(split, b, clip(split[0], limit))
+    return _replace_dipole(split, b, clip(split[0], limit))
 
 
 def without(split: Split, b: Vec3, axis: int) -> Split:
@@ -85,7 +85,7 @@ def without(split: Split, b: Vec3, axis: int) -> Split:
     Eq. 34.
     """
     x, y, z = (0.0 if i == axis else m for i, m in enumerate(split[0]))
-    return _compensated(split, b, (x, y, z))
+    return _replace_dipole(split, b, (x, y, z))
 
 
 def bounded_quadratic(n: Vec3, b: Vec3, weight_ratio: float, limit: Vec3) -> Split:
@@ -140,25 +140,33 @@ def bounded_one_norm(n: Vec3, b: Vec3, limit: Vec3) -> Split:
     return _with_thrusters(n, b, m)
 
 
-def _in_box(hessian: Mat33, slope: Vec3, limit: Vec3, held: _Held) -> Vec3:
+def _in_box(hessian: Mat33, slope: Vec3, limit: Vec3, held_components: _Held) -> Vec3:
     """Minimise M'(hessian M / 2 - slope) with |M_i| <= limit_i.
 
-    M_i = held[i] where that is not None.
+    M_i = held_components[i] where that is not None.
     """
-    rows = [h if held[k // 3] is None else IDENTITY[k] for k, h in enumerate(hessian)]
+    rows = [
+        h if held_components[k // 3] is None else IDENTITY[k]
+        for k, h in enumerate(hessian)
+    ]
     right = tuple(
-        s if fixed is None else fixed for s, fixed in zip(slope, held, strict=True)
+        s if held_value is None else held_value
+        for s, held_value in zip(slope, held_components, strict=True)
     )
-    solved = mat_vec(inverse(tuple(rows)), right)  # type: ignore[arg-type]
+    solution = mat_vec(inverse(tuple(rows)), right)  # type: ignore[arg-type]
     x, y, z = m = tuple(
-        value if fixed is None else fixed
-        for value, fixed in zip(solved, held, strict=True)
+        value if held_value is None else held_value
+        for value, held_value in zip(solution, held_components, strict=True)
     )
-    broken = [i for i in range(3) if abs(m[i]) > limit[i] and held[i] is None]
+    broken = [
+        i for i in range(3) if abs(m[i]) > limit[i] and held_components[i] is None
+    ]
     if not broken:
         return (x, y, z)
     on_bounds = (
-        _in_box(hessian, slope, limit, _with(held, i, copysign(limit[i], m[i])))
+        _in_box(
+            hessian, slope, limit, _with(held_components, i, copysign(limit[i], m[i]))
+        )
         for i in broken
     )
     return min(
@@ -166,9 +174,12 @@ def _in_box(hessian: Mat33, slope: Vec3, limit: Vec3, held: _Held) -> Vec3:
     )
 
 
-def _with(held: _Held, axis: int, value: float) -> _Held:
-    """Return `held` with the component `axis` fixed at `value`."""
-    x, y, z = (value if i == axis else fixed for i, fixed in enumerate(held))
+def _with(held_components: _Held, axis: int, value: float) -> _Held:
+    """Return `held_components` with the component `axis` held at `value` (A m2)."""
+    x, y, z = (
+        value if i == axis else held_value
+        for i, held_value in enumerate(held_components)
+    )
     return (x, y, z)
 
 
@@ -182,12 +193,12 @@ def _nearest_along(m: Vec3, u: Vec3, limit: Vec3) -> Vec3:
         if slope != 0.0:
             a, b = (-most - component) / slope, (most - component) / slope
             low, high = max(low, min(a, b)), min(high, max(a, b))
-    shifted = add(m, scale(min(max(-dot(m, u), low), high), u))
-    x, y, z = (min(max(c, -most), most) for c, most in zip(shifted, limit, strict=True))
+    nearest = add(m, scale(min(max(-dot(m, u), low), high), u))
+    x, y, z = (min(max(c, -most), most) for c, most in zip(nearest, limit, strict=True))
     return (x, y, z)  # limited again, as the shift rounds
 
 
-def _compensated(split: Split, b: Vec3, m: Vec3) -> Split:
+def _replace_dipole(split: Split, b: Vec3, m: Vec3) -> Split:
     """Replace the dipole of a split by m and add the lost torque to the thrusters."""
     removed_torque = cross(sub(split[0], m), b)
     return m, add(split[1], removed_torque)

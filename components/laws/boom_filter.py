@@ -29,7 +29,7 @@ from typing import NamedTuple
 
 from ..contract.block import Mat33, Table, Vec3, Vec4
 from ..maths import kalman, matrix
-from ..maths.attitude import inverse, product, propagated
+from ..maths.attitude import inverse, product, propagate
 from ..maths.vector import IDENTITY, ZERO, add, cross, mat_vec, scale, sub
 from . import firing
 from .gravity_gradient import gravity_vector_torque, rotation_vector
@@ -65,7 +65,7 @@ class Setting(NamedTuple):
 class Interval(NamedTuple):
     """Conditions from the last sample to this one."""
 
-    elapsed: float  # s
+    elapsed_time: float  # s
     dipole: Vec3  # A m2, mean of the coils, body
     field: Vec3  # T, mean, body
     nadir: Vec3  # 1, direction of nadir at the last sample, body
@@ -177,23 +177,23 @@ def turn(
         Of the craft (kg m2).
     """
     omega = rate_of(x)
-    moved = add(omega, cross(change, omega))
+    omega_after = add(omega, cross(change, omega))
     before = sub(
         gravity_vector_torque(nadir, inertia, orbit_rate),
         cross(omega, mat_vec(inertia, omega)),
     )
     after = sub(
         gravity_vector_torque(add(nadir, cross(change, nadir)), inertia, orbit_rate),
-        cross(moved, mat_vec(inertia, moved)),
+        cross(omega_after, mat_vec(inertia, omega_after)),
     )
     state = [0.0] * STATES
     for i in range(STATES):
         state[i] = x[i]
     for i in range(3):
-        state[RATE + i] = moved[i]
-        state[BIAS + i] += omega[i] - moved[i]
+        state[RATE + i] = omega_after[i]
+        state[BIAS + i] += omega[i] - omega_after[i]
         state[TORQUE + i] += before[i] - after[i]
-    return propagated(q, scale(-1.0, change), 1.0), tuple(state)
+    return propagate(q, scale(-1.0, change), 1.0), tuple(state)
 
 
 def update(
@@ -237,10 +237,10 @@ def update(
         covariance[i] = p[i]
     omega = _predict(state, covariance, x, interval, setting)
     mean = scale(0.5, add(rate_of(x), omega))
-    predicted = propagated(q, mean, interval.elapsed)
-    error = rotation_vector(product(q_measured, inverse(predicted)))
+    q_predicted = propagate(q, mean, interval.elapsed_time)
+    error = rotation_vector(product(q_measured, inverse(q_predicted)))
     worst = _correct(state, covariance, error, gyro, setting)
-    attitude = propagated(predicted, (state[0], state[1], state[2]), 1.0)
+    attitude = propagate(q_predicted, (state[0], state[1], state[2]), 1.0)
     correction = ZERO
     if kalman.is_sound(state, covariance):
         correction = (
@@ -266,7 +266,7 @@ def _predict(
 
     Returns the rate (rad/s, body) at this sample.
     """
-    elapsed, b = interval.elapsed, interval.field
+    elapsed_time, b = interval.elapsed_time, interval.field
     magnetic = cross(add(interval.dipole, dipole_of(x)), b)
     gravity = gravity_vector_torque(
         interval.nadir, setting.inertia, interval.orbit_rate
@@ -276,10 +276,10 @@ def _predict(
         rate_of(x),
         interval.h_before,
         interval.h,
-        add(scale(elapsed, steady), interval.firing),
+        add(scale(elapsed_time, steady), interval.firing),
         setting.inertia,
         setting.inverse,
-        elapsed,
+        elapsed_time,
     )
     effects = [0.0] * (MOVING * STATES)
     _fill_effects(effects, rate_of(x), interval, setting)
@@ -296,24 +296,28 @@ def _add_noise(covariance: list[float], interval: Interval, setting: Setting) ->
     for i in range(3):
         rate = unknown[i] * setting.inverse[4 * i]
         covariance[(STATES + 1) * (RATE + i)] += rate * rate
-        elapsed = interval.elapsed
-        covariance[(STATES + 1) * (BIAS + i)] += walk.bias * walk.bias * elapsed
-        covariance[(STATES + 1) * (TORQUE + i)] += walk.torque * walk.torque * elapsed
-        covariance[(STATES + 1) * (DIPOLE + i)] += walk.dipole * walk.dipole * elapsed
+        elapsed_time = interval.elapsed_time
+        covariance[(STATES + 1) * (BIAS + i)] += walk.bias * walk.bias * elapsed_time
+        covariance[(STATES + 1) * (TORQUE + i)] += (
+            walk.torque * walk.torque * elapsed_time
+        )
+        covariance[(STATES + 1) * (DIPOLE + i)] += (
+            walk.dipole * walk.dipole * elapsed_time
+        )
 
 
 def _fill_effects(
     effects: list[float], omega: Vec3, interval: Interval, setting: Setting
 ) -> None:
     """Set the first six rows of the transition matrix."""
-    elapsed, inverted = interval.elapsed, setting.inverse
+    elapsed_time, inertia_inverse = interval.elapsed_time, setting.inverse
     inertia, u = setting.inertia, interval.nadir
     momentum = add(mat_vec(inertia, omega), interval.h_before)
     turning = matrix.crossing(omega)
     slope = matrix.subtract(
         matrix.crossing(momentum), matrix.multiply(turning, inertia)
     )
-    a = matrix.scale(elapsed, matrix.multiply(inverted, slope))
+    a = matrix.scale(elapsed_time, matrix.multiply(inertia_inverse, slope))
     half = matrix.scale(0.5, matrix.multiply(a, a))
     of_rate = matrix.add(matrix.add(IDENTITY, a), half)
     tilt = matrix.subtract(
@@ -323,25 +327,25 @@ def _fill_effects(
     n = interval.orbit_rate
     # a torque that lasts turns with the rate that it gives, on the average half as far
     impulse = matrix.scale(
-        elapsed,
-        matrix.multiply(matrix.add(IDENTITY, matrix.scale(0.5, a)), inverted),
+        elapsed_time,
+        matrix.multiply(matrix.add(IDENTITY, matrix.scale(0.5, a)), inertia_inverse),
     )
     gravity = matrix.scale(3.0 * n * n, matrix.multiply(tilt, matrix.crossing(u)))
     of_attitude = matrix.multiply(impulse, gravity)
     of_dipole = matrix.multiply(impulse, matrix.crossing(scale(-1.0, interval.field)))
-    _fill_rows(effects, 0, of_attitude, elapsed)
-    _fill_rows(effects, RATE, of_rate, elapsed)
-    _fill_rows(effects, TORQUE, impulse, elapsed)
-    _fill_rows(effects, DIPOLE, of_dipole, elapsed)
-    across = matrix.subtract(IDENTITY, matrix.scale(elapsed, turning))
+    _fill_rows(effects, 0, of_attitude, elapsed_time)
+    _fill_rows(effects, RATE, of_rate, elapsed_time)
+    _fill_rows(effects, TORQUE, impulse, elapsed_time)
+    _fill_rows(effects, DIPOLE, of_dipole, elapsed_time)
+    across = matrix.subtract(IDENTITY, matrix.scale(elapsed_time, turning))
     for i in range(3):
-        effects[(STATES + 1) * i + RATE] += 0.5 * elapsed
+        effects[(STATES + 1) * i + RATE] += 0.5 * elapsed_time
         for j in range(3):
             effects[STATES * i + j] += across[3 * i + j]
 
 
 def _fill_rows(
-    effects: list[float], state: int, of_rate: Mat33, elapsed: float
+    effects: list[float], state: int, of_rate: Mat33, elapsed_time: float
 ) -> None:
     """Set the columns of three states, from what they do to the rate.
 
@@ -350,7 +354,7 @@ def _fill_rows(
     for i in range(3):
         for j in range(3):
             effects[STATES * (RATE + i) + state + j] = of_rate[3 * i + j]
-            effects[STATES * i + state + j] = 0.5 * elapsed * of_rate[3 * i + j]
+            effects[STATES * i + state + j] = 0.5 * elapsed_time * of_rate[3 * i + j]
 
 
 def _correct(

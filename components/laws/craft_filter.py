@@ -52,10 +52,10 @@ class Doubts(NamedTuple):
     coupling: float  # T/(A m2), of an element of K
 
 
-class Passed(NamedTuple):
+class Interval(NamedTuple):
     """What happened to the craft from the last sample to this one."""
 
-    elapsed: float  # s
+    elapsed_time: float  # s
     dipole: Vec3  # A m2, commanded, body
     tau: Vec3  # N m, the wheels' torque on the body
     wheel: Vec3  # N m s, the wheels' momentum at the last sample, body
@@ -94,12 +94,14 @@ def begin(b: Vec3, dipole: Vec3, setting: Setting) -> tuple[Table, Table]:
     first = _elements(setting.carrier)
     for i in range(6):
         x[INERTIA + i] = first[i]
-    seen = dipole[0] * dipole[0] + dipole[1] * dipole[1] + dipole[2] * dipole[2]
+    dipole_square = (
+        dipole[0] * dipole[0] + dipole[1] * dipole[1] + dipole[2] * dipole[2]
+    )
     for i in range(STATES):
         deviation = deviation_of(doubts, i)
         p[STATES * i + i] = deviation * deviation
         if FIELD <= i < INERTIA:
-            p[STATES * i + i] += doubts.coupling * doubts.coupling * seen
+            p[STATES * i + i] += doubts.coupling * doubts.coupling * dipole_square
     return tuple(x), tuple(p)
 
 
@@ -159,12 +161,12 @@ def coil_signs(x: Table, p: Table) -> Vec3:
 
 def _sign(x: Table, p: Table, state: int) -> float:
     """Return -1 where a state is below zero by more than a standard deviation, else 1."""
-    turned = x[state] < 0.0 and x[state] * x[state] > p[(STATES + 1) * state]
-    return -1.0 if turned else 1.0
+    is_reversed = x[state] < 0.0 and x[state] * x[state] > p[(STATES + 1) * state]
+    return -1.0 if is_reversed else 1.0
 
 
-def updated(
-    x: Table, p: Table, passed: Passed, setting: Setting, learns: bool
+def update(
+    x: Table, p: Table, interval: Interval, setting: Setting, learns: bool
 ) -> tuple[Table, Table, float]:
     """Propagate to this sample and correct by its field, and by its rate with a gyro.
 
@@ -172,7 +174,7 @@ def updated(
     ----------
     x, p : Table
         State (24) and covariance (24 x 24) at the last sample.
-    passed : Passed
+    interval : Passed
         What happened since.
     setting : Setting
         Of the filter.
@@ -191,14 +193,14 @@ def updated(
         state[i] = x[i]
     for i in range(STATES * STATES):
         covariance[i] = p[i]
-    _predict(state, covariance, x, passed, setting)
+    _predict(state, covariance, x, interval, setting)
     worst = 0.0
-    if passed.gyro_noise > 0.0:
-        worst = _correct_rate(state, covariance, passed, learns)
+    if interval.gyro_noise > 0.0:
+        worst = _correct_rate(state, covariance, interval, learns)
     worst = max(
-        worst, _correct(state, covariance, passed, setting.doubts.field, learns)
+        worst, _correct(state, covariance, interval, setting.doubts.field, learns)
     )
-    _bound(state, setting)
+    _limit_constants(state, setting)
     if not _is_sound(state, covariance):
         worst = kalman.UNSOUND
     return tuple(state), tuple(covariance), worst
@@ -208,37 +210,41 @@ def _predict(
     state: list[float],
     covariance: list[float],
     x: Table,
-    passed: Passed,
+    interval: Interval,
     setting: Setting,
 ) -> None:
     """Propagate the state, whose copy x is, and its covariance in place."""
     effects = [0.0] * (MOVING * STATES)
-    elapsed, dipole = passed.elapsed, passed.dipole
+    elapsed_time, dipole = interval.elapsed_time, interval.dipole
     m = (x[12] * dipole[0], x[13] * dipole[1], x[14] * dipole[2])
     carrier = carrier_of(x)
-    inverted = inverse(carrier)
-    omega, b = rate_observer.predicted(
+    carrier_inverse = inverse(carrier)
+    omega, b = rate_observer.predict(
         rate_of(x),
         field_of(x),
         m,
-        passed.tau,
-        passed.wheel,
+        interval.tau,
+        interval.wheel,
         carrier,
-        inverted,
-        elapsed,
+        carrier_inverse,
+        elapsed_time,
     )
-    _fill_moving(effects, x, passed.wheel, inverted, elapsed)
-    _fill_constants(effects, x, omega, dipole, inverted, elapsed)
+    _fill_moving(effects, x, interval.wheel, carrier_inverse, elapsed_time)
+    _fill_constants(effects, x, omega, dipole, carrier_inverse, elapsed_time)
     kalman.predict(state, covariance, effects)
     for i in range(3):
         state[i], state[FIELD + i] = omega[i], b[i]
         of_rate, of_field = (STATES + 1) * i, (STATES + 1) * (FIELD + i)
-        covariance[of_rate] += setting.rate_noise * setting.rate_noise * elapsed
-        covariance[of_field] += setting.field_turn * setting.field_turn * elapsed
+        covariance[of_rate] += setting.rate_noise * setting.rate_noise * elapsed_time
+        covariance[of_field] += setting.field_turn * setting.field_turn * elapsed_time
 
 
 def _fill_moving(
-    effects: list[float], x: Table, wheel: Vec3, inverted: Mat33, elapsed: float
+    effects: list[float],
+    x: Table,
+    wheel: Vec3,
+    carrier_inverse: Mat33,
+    elapsed_time: float,
 ) -> None:
     """Set the columns of rate and field in the transition matrix.
 
@@ -251,11 +257,11 @@ def _fill_moving(
     slope = matrix.subtract(
         matrix.crossing(momentum), matrix.multiply(turning, carrier)
     )
-    a = matrix.scale(elapsed, matrix.multiply(inverted, slope))
+    a = matrix.scale(elapsed_time, matrix.multiply(carrier_inverse, slope))
     half = matrix.scale(0.5, matrix.multiply(a, a))
     of_rate = matrix.add(matrix.add(IDENTITY, a), half)
-    down = matrix.scale(elapsed, matrix.crossing(field_of(x)))
-    across = matrix.subtract(IDENTITY, matrix.scale(elapsed, turning))
+    down = matrix.scale(elapsed_time, matrix.crossing(field_of(x)))
+    across = matrix.subtract(IDENTITY, matrix.scale(elapsed_time, turning))
     for i in range(3):
         for j in range(3):
             effects[STATES * i + j] = of_rate[3 * i + j]
@@ -268,8 +274,8 @@ def _fill_constants(
     x: Table,
     after: Vec3,
     dipole: Vec3,
-    inverted: Mat33,
-    elapsed: float,
+    carrier_inverse: Mat33,
+    elapsed_time: float,
 ) -> None:
     """Set the columns of inertia and coils in the transition matrix.
 
@@ -280,32 +286,34 @@ def _fill_constants(
     middle = scale(0.5, add(before, after))
     change = sub(after, before)
     for i in range(6):
-        moved = add(
+        momentum_change = add(
             _by_unit(i, change),
-            scale(elapsed, cross(middle, _by_unit(i, middle))),
+            scale(elapsed_time, cross(middle, _by_unit(i, middle))),
         )
         _fill_column(
             effects,
             INERTIA + i,
-            scale(-1.0, mat_vec(inverted, moved)),
+            scale(-1.0, mat_vec(carrier_inverse, momentum_change)),
             b,
-            elapsed,
+            elapsed_time,
         )
     for i in range(3):
-        torque = scale(elapsed * dipole[i], cross(AXES[i], b))
-        _fill_column(effects, COILS + i, mat_vec(inverted, torque), b, elapsed)
+        torque = scale(elapsed_time * dipole[i], cross(AXES[i], b))
+        _fill_column(
+            effects, COILS + i, mat_vec(carrier_inverse, torque), b, elapsed_time
+        )
 
 
 def _fill_column(
-    effects: list[float], state: int, turned: Vec3, b: Vec3, elapsed: float
+    effects: list[float], state: int, rate_change: Vec3, b: Vec3, elapsed_time: float
 ) -> None:
     """Set what a unit of a constant does to rate (rad/s) and field (T).
 
-    The field follows the mean of the change `turned` of the rate: db = T/2 b x turned.
+    The field follows the mean of the change `rate_change` of the rate: db = T/2 b x turned.
     """
-    swept = scale(0.5 * elapsed, cross(b, turned))
+    swept = scale(0.5 * elapsed_time, cross(b, rate_change))
     for i in range(3):
-        effects[STATES * i + state] = turned[i]
+        effects[STATES * i + state] = rate_change[i]
         effects[STATES * (FIELD + i) + state] = swept[i]
 
 
@@ -325,7 +333,7 @@ def _by_unit(element: int, a: Vec3) -> Vec3:
 def _correct(
     state: list[float],
     covariance: list[float],
-    passed: Passed,
+    interval: Interval,
     noise: float,
     learns: bool,
 ) -> float:
@@ -335,8 +343,8 @@ def _correct(
     of an innovation over its variance.
     """
     product = [0.0] * STATES
-    dipole = passed.dipole
-    estimated = STATES if learns else MOVING
+    dipole = interval.dipole
+    estimated_states = STATES if learns else MOVING
     worst = 0.0
     for axis in range(3):
         k = COUPLING + 3 * axis
@@ -352,10 +360,10 @@ def _correct(
             + product[k + 1] * dipole[1]
             + product[k + 2] * dipole[2]
         )
-        expected = state[FIELD + axis] + (
+        expected_field = state[FIELD + axis] + (
             state[k] * dipole[0] + state[k + 1] * dipole[1] + state[k + 2] * dipole[2]
         )
-        innovation = passed.field[axis] - expected
+        innovation = interval.field[axis] - expected_field
         worst = max(worst, kalman.surprise(innovation, of_state + noise * noise))
         kalman.correct(
             state,
@@ -363,33 +371,35 @@ def _correct(
             product,
             innovation,
             (1.0 + UNDERWEIGHT) * of_state + noise * noise,
-            estimated,
+            estimated_states,
         )
     return worst
 
 
 def _correct_rate(
-    state: list[float], covariance: list[float], passed: Passed, learns: bool
+    state: list[float], covariance: list[float], interval: Interval, learns: bool
 ) -> float:
     """Correct in place by the measured rate, one axis after the other.
 
     The result is the largest square of an innovation over its variance (1).
     """
     product = [0.0] * STATES
-    noise = passed.gyro_noise * passed.gyro_noise
-    estimated = STATES if learns else MOVING
+    noise = interval.gyro_noise * interval.gyro_noise
+    estimated_states = STATES if learns else MOVING
     worst = 0.0
     for axis in range(3):
         for i in range(STATES):
             product[i] = covariance[STATES * i + axis]
         variance = product[axis] + noise
-        innovation = passed.gyro[axis] - state[axis]
+        innovation = interval.gyro[axis] - state[axis]
         worst = max(worst, kalman.surprise(innovation, variance))
-        kalman.correct(state, covariance, product, innovation, variance, estimated)
+        kalman.correct(
+            state, covariance, product, innovation, variance, estimated_states
+        )
     return worst
 
 
-def _bound(state: list[float], setting: Setting) -> None:
+def _limit_constants(state: list[float], setting: Setting) -> None:
     """Hold the constants within BOUND standard deviations of their first values."""
     first = _elements(setting.carrier)
     for i in range(INERTIA, STATES):

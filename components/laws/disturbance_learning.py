@@ -73,10 +73,10 @@ AIR_ARM = 0.1
 class Doubt(NamedTuple):
     """How readily a coil is taken for failed."""
 
-    failed: float  # prior probability that it has
+    failure_prior: float  # prior probability that it has
     # true errors of e over those of P: torques last, and are not the white noise of P
-    understated: float
-    expected: float  # as EXPECTED, of the effect of e
+    error_ratio: float
+    expected_share: float  # as EXPECTED, of the effect of e
 
 
 class Evidence(NamedTuple):
@@ -195,16 +195,16 @@ def causes(columns: tuple[Vec3, ...]) -> Table:
 def update(
     x: Table,
     p: Table,
-    measured: Vec3,
+    h_measured: Vec3,
     effects: Table,
     noise: float,
     walk: float,
     errors: tuple[Vec3, ...],
     deviations: Table,
     drift: float,
-    doubted: int,
+    doubtful_state: int,
 ) -> tuple[Table, Table, float]:
-    """Return (x, P) after a sample at whose end H is `measured` (N m s, eci).
+    """Return (x, P) after a sample at whose end H is `h_measured` (N m s, eci).
 
     The third is the largest square of an innovation over its variance (1),
     `kalman.UNSOUND` where (x, P) can be those of nothing.
@@ -213,7 +213,7 @@ def update(
     ----------
     x, p : Table
         State and covariance (row-major) at the sample's begin.
-    measured : Vec3
+    h_measured : Vec3
         H at its end (N m s, eci).
     effects : Table
         Effect of a unit of each parameter on H over the sample, of `causes`.
@@ -227,19 +227,19 @@ def update(
         Prior standard deviations, of `spreads`.
     drift : float
         Random walk of a parameter over its prior standard deviation (1).
-    doubted : int
+    doubtful_state : int
         Index in x of an effectiveness that has changed, of `find_failure`; -1: none.
     """
     state, covariance = list(x), list(p)
-    if doubted >= 0:
-        spread = max(deviations[doubted], SPREAD_ACTUATOR)
-        covariance[STATES * doubted + doubted] += spread * spread
+    if doubtful_state >= 0:
+        spread = max(deviations[doubtful_state], SPREAD_ACTUATOR)
+        covariance[STATES * doubtful_state + doubtful_state] += spread * spread
     _predict(state, covariance, effects, walk, deviations, drift)
     for row in range(MOMENTUM_STATES):
         for other in range(MOMENTUM_STATES):
             for error in errors:
                 covariance[STATES * row + other] += error[row] * error[other]
-    worst = _correct(state, covariance, measured, noise)
+    worst = _correct(state, covariance, h_measured, noise)
     _constrain(state, covariance)
     if not kalman.is_sound(state, covariance):
         worst = kalman.UNSOUND
@@ -253,19 +253,19 @@ def _constrain(x: list[float], p: list[float]) -> None:
     P: a limit on one alone would let the others drift.
     """
     for i in range(COILS, WAVES):
-        limited = min(max(x[i], -MOST), MOST)
+        nearest = min(max(x[i], -MOST), MOST)
         variance = p[STATES * i + i]
-        if limited != x[i] and variance > 0.0:
-            share = (limited - x[i]) / variance
+        if nearest != x[i] and variance > 0.0:
+            share = (nearest - x[i]) / variance
             for j in range(STATES):
                 x[j] += share * p[STATES * j + i]
-        x[i] = limited
+        x[i] = nearest
 
 
-def judge(x: Table, p: Table, doubt: Doubt, suspected: Vec4) -> Table:
+def judge(x: Table, p: Table, doubt: Doubt, coil_suspicions: Vec4) -> Table:
     """Return the expected x where a coil gives its command, or has failed.
 
-    x and P (row-major) are those of the filter; `suspected` of `suspect`. Without a
+    x and P (row-major) are those of the filter; `coil_suspicions` of `suspect`. Without a
     failure e is 1; a coil that has failed is dead, e = 0, turned, e = -1, or has any e
     with the prior deviation `SPREAD_ACTUATOR`. The other elements are what they are
     with that. With the probabilities w of these cases by Bayes' rule, the expected x is
@@ -276,20 +276,20 @@ def judge(x: Table, p: Table, doubt: Doubt, suspected: Vec4) -> Table:
     column = [0.0] * STATES
     for j in range(COILS, THRUSTERS):
         variance = covariance[STATES * j + j]
-        failed = SUSPECTED if suspected[j - COILS] > 0.0 else doubt.failed
+        prior = SUSPECTED if coil_suspicions[j - COILS] > 0.0 else doubt.failure_prior
         if variance > 0.0:
-            spread = doubt.understated * sqrt(variance)
+            spread = doubt.error_ratio * sqrt(variance)
             e = state[j]
-            intact = (1.0 - failed) * _likelihood(e - 1.0, spread)
-            dead = failed * DEAD * _likelihood(e, spread)
-            turned = failed * TURNED * _likelihood(e + 1.0, spread)
-            known = intact + dead + turned
-            other = failed * (1.0 - DEAD - TURNED) * sqrt(variance) / SPREAD_ACTUATOR
-            found = (intact - turned) / known - e
+            intact = (1.0 - prior) * _likelihood(e - 1.0, spread)
+            dead = prior * DEAD * _likelihood(e, spread)
+            reverse = prior * TURNED * _likelihood(e + 1.0, spread)
+            known_weight = intact + dead + reverse
+            other = prior * (1.0 - DEAD - TURNED) * sqrt(variance) / SPREAD_ACTUATOR
+            correction = (intact - reverse) / known_weight - e
             for i in range(STATES):
                 column[i] = covariance[STATES * i + j]
-            total = variance * (1.0 + other / known)
-            kalman.correct(state, covariance, column, found, total, STATES)
+            total = variance * (1.0 + other / known_weight)
+            kalman.correct(state, covariance, column, correction, total, STATES)
     _constrain(state, covariance)
     return tuple(state)
 
@@ -326,22 +326,22 @@ def _predict(
         p[(STATES + 1) * row] += walk * walk
 
 
-def innovation(x: Table, measured: Vec3, effects: Table) -> Vec3:
+def innovation(x: Table, h_measured: Vec3, effects: Table) -> Vec3:
     """Return the measured H less its prediction (N m s, eci); arguments as `update`."""
-    found = [0.0, 0.0, 0.0]
+    difference = [0.0, 0.0, 0.0]
     for row in range(MOMENTUM_STATES):
-        found[row] = measured[row] - x[row]
+        difference[row] = h_measured[row] - x[row]
         for i in range(CAUSES):
-            found[row] -= effects[CAUSES * row + i] * x[MOMENTUM_STATES + i]
-    return (found[0], found[1], found[2])
+            difference[row] -= effects[CAUSES * row + i] * x[MOMENTUM_STATES + i]
+    return (difference[0], difference[1], difference[2])
 
 
 def deviation_along(
-    p: Table, effects: Table, axis: Vec3, excluded: int, noise: float
+    p: Table, effects: Table, axis: Vec3, known_state: int, noise: float
 ) -> float:
     """Return the standard deviation (N m s) of the innovation along an axis (eci).
 
-    The parameter with the index `excluded` in x counts as known. p is the covariance
+    The parameter with the index `known_state` in x counts as known. p is the covariance
     (row-major) at the sample's begin, the other arguments are those of `update`.
     """
     along = [0.0] * STATES
@@ -349,7 +349,7 @@ def deviation_along(
         along[row] = axis[row]
         for i in range(CAUSES):
             along[MOMENTUM_STATES + i] += axis[row] * effects[CAUSES * row + i]
-    along[excluded] = 0.0
+    along[known_state] = 0.0
     total = noise * noise
     for i in range(STATES):
         for j in range(STATES):
@@ -362,7 +362,7 @@ def gather(
     p: Table,
     innovation: Vec3,
     effects: Table,
-    passed: float,
+    elapsed_time: float,
     orbit: float,
     doubt: Doubt,
 ) -> Evidence:
@@ -378,7 +378,7 @@ def gather(
         Of `innovation` (N m s, eci).
     effects : Table
         Of `causes`.
-    passed, orbit : float
+    elapsed_time, orbit : float
         The sample's time and the orbit's period (s).
     doubt : Doubt
         Of the coils.
@@ -386,21 +386,21 @@ def gather(
     means = [ZERO] * CANDIDATES
     products = [0.0] * CANDIDATES
     squares = [0.0] * CANDIDATES
-    share = min(passed / (SMOOTHED * orbit), 1.0)
-    memory = max(1.0 - passed / (MEMORY * orbit), 0.0)
-    torque = _average(evidence.torque, innovation, passed, share)
+    share = min(elapsed_time / (SMOOTHED * orbit), 1.0)
+    memory = max(1.0 - elapsed_time / (MEMORY * orbit), 0.0)
+    torque = _average(evidence.torque, innovation, elapsed_time, share)
     power = dot(torque, torque)
     excess = power
     for j in range(CANDIDATES):
         i = INERTIAL + j
         k = i - MOMENTUM_STATES
         effect = (effects[k], effects[CAUSES + k], effects[2 * CAUSES + k])
-        effect = _average(evidence.effects[j], effect, passed, share)
+        effect = _average(evidence.effects[j], effect, elapsed_time, share)
         square = dot(effect, effect)
         means[j] = effect
-        products[j] = memory * evidence.products[j] + passed * dot(torque, effect)
-        squares[j] = memory * evidence.squares[j] + passed * square
-        most = doubt.expected if COILS <= i < THRUSTERS else EXPECTED
+        products[j] = memory * evidence.products[j] + elapsed_time * dot(torque, effect)
+        squares[j] = memory * evidence.squares[j] + elapsed_time * square
+        most = doubt.expected_share if COILS <= i < THRUSTERS else EXPECTED
         excess -= most * most * p[STATES * i + i] * square
     excess = max(excess, 0.0)
     return Evidence(
@@ -408,18 +408,18 @@ def gather(
         tuple(means),
         tuple(products),
         tuple(squares),
-        memory * evidence.total + passed * power,
+        memory * evidence.total + elapsed_time * power,
         excess,
-        evidence.recent + min(passed / orbit, 1.0) * (excess - evidence.recent),
+        evidence.recent + min(elapsed_time / orbit, 1.0) * (excess - evidence.recent),
     )
 
 
-def _average(mean: Vec3, impulse: Vec3, passed: float, share: float) -> Vec3:
-    """Return a mean torque (N m) with a `share` of an impulse (N m s) in `passed` s."""
+def _average(mean: Vec3, impulse: Vec3, elapsed_time: float, share: float) -> Vec3:
+    """Return a mean torque (N m) with a `share` of an impulse (N m s) in `elapsed_time` s."""
     return (
-        mean[0] + share * (impulse[0] / passed - mean[0]),
-        mean[1] + share * (impulse[1] / passed - mean[1]),
-        mean[2] + share * (impulse[2] / passed - mean[2]),
+        mean[0] + share * (impulse[0] / elapsed_time - mean[0]),
+        mean[1] + share * (impulse[1] / elapsed_time - mean[1]),
+        mean[2] + share * (impulse[2] / elapsed_time - mean[2]),
     )
 
 
@@ -457,11 +457,11 @@ def find_failure(evidence: Evidence, x: Table, dipole: float) -> int:
     return worst
 
 
-def suspect(suspected: Vec4, failed: int) -> Vec4:
+def suspect(coil_suspicions: Vec4, failed_actuator: int) -> Vec4:
     """Return which coils are suspected (1), with one of `find_failure` more."""
     flags = [0.0, 0.0, 0.0, 0.0]
     for j in range(THRUSTERS - COILS):
-        flags[j] = 1.0 if failed == COILS + j else suspected[j]
+        flags[j] = 1.0 if failed_actuator == COILS + j else coil_suspicions[j]
     return (flags[0], flags[1], flags[2], flags[3])
 
 
@@ -479,14 +479,14 @@ def _share(evidence: Evidence, i: int, most: float) -> float:
     return change * (2.0 * product - change * square) / total
 
 
-def explain(evidence: Evidence, failed: int) -> Evidence:
+def explain(evidence: Evidence, failed_actuator: int) -> Evidence:
     """Return the evidence without the torque that a failed actuator explains.
 
-    failed: of `find_failure`. What follows the commands is gathered anew.
+    failed_actuator: of `find_failure`. What follows the commands is gathered anew.
     """
-    j = failed - INERTIAL
+    j = failed_actuator - INERTIAL
     change = evidence.products[j] / evidence.squares[j]
-    remainder = max(1.0 - _share(evidence, failed, inf), 0.0)
+    remainder = max(1.0 - _share(evidence, failed_actuator, inf), 0.0)
     return Evidence(
         sub(evidence.torque, scale(change, evidence.effects[j])),
         evidence.effects,
@@ -511,7 +511,7 @@ def unmodelled_torque(evidence: Evidence) -> float:
     return sqrt(max(evidence.excess, evidence.recent) / 3.0)
 
 
-def _correct(x: list[float], p: list[float], measured: Vec3, noise: float) -> float:
+def _correct(x: list[float], p: list[float], h_measured: Vec3, noise: float) -> float:
     """Correct (x, P) by the measured H (N m s, eci), one axis after the other.
 
     The result is the largest square of an innovation over its variance (1).
@@ -522,7 +522,7 @@ def _correct(x: list[float], p: list[float], measured: Vec3, noise: float) -> fl
         for i in range(STATES):
             column[i] = p[STATES * i + row]
         variance = p[STATES * row + row] + noise * noise
-        found = measured[row] - x[row]
-        worst = max(worst, kalman.surprise(found, variance))
-        kalman.correct(x, p, column, found, variance, STATES)
+        difference = h_measured[row] - x[row]
+        worst = max(worst, kalman.surprise(difference, variance))
+        kalman.correct(x, p, column, difference, variance, STATES)
     return worst

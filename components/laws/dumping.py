@@ -109,12 +109,12 @@ def mec_costate(h: Vec3, omega: Vec3, n_con: Vec3, horizon: float) -> Vec3:
     return scale(1.0 / horizon, total)
 
 
-def mec(p: Vec3, omega: Vec3, elapsed: float) -> Vec3:
+def mec(p: Vec3, omega: Vec3, elapsed_time: float) -> Vec3:
     """Compute the minimum-energy torque N = -exp(W t) p(t_0) (N m), eq. 19.
 
-    t = elapsed (s) since t_0.
+    t = elapsed_time (s) since t_0.
     """
-    return scale(-1.0, mat_vec(rotation_about(scale(-1.0, omega), elapsed), p))
+    return scale(-1.0, mat_vec(rotation_about(scale(-1.0, omega), elapsed_time), p))
 
 
 def _integral_of_rotation(omega: Vec3, v: Vec3, t: float) -> Vec3:
@@ -127,8 +127,8 @@ def _integral_of_rotation(omega: Vec3, v: Vec3, t: float) -> Vec3:
         return scale(t, v)
     axis = scale(1.0 / w, omega)
     along = scale(dot(axis, v), axis)
-    turned = add(
+    across = add(
         scale(sin(w * t) / w, sub(v, along)),
         scale((1.0 - cos(w * t)) / w, cross(axis, v)),
     )
-    return add(scale(t, along), turned)
+    return add(scale(t, along), across)

@@ -58,19 +58,19 @@ def begin(spread: float, noise: float) -> AttitudeCheck:
 
 
 def learn_error(
-    check: AttitudeCheck, measured: Vec3, model: Vec3, q: Vec4
+    check: AttitudeCheck, measured_field: Vec3, model: Vec3, q: Vec4
 ) -> AttitudeCheck:
     """Return the check after a field was measured.
 
-    measured (T): in body; model (T): the field expected, in eci; q: attitude without a
+    measured_field (T): in body; model (T): the field expected, in eci; q: attitude without a
     correction.
     """
-    size = max(norm(measured), 1e-12)
+    size = max(norm(measured_field), 1e-12)
     # directions, so that a model whose field is too large has no effect
     error, covariance, ratio = attitude_error.update(
         check.error,
         check.covariance,
-        scale(1.0 / size, measured),
+        scale(1.0 / size, measured_field),
         rotate(
             attitude_error.rotation(check.error),
             scale(1.0 / max(norm(model), 1e-12), rotate(q, model)),
@@ -97,15 +97,15 @@ def correction_of(check: AttitudeCheck) -> Vec4:
 
 
 def is_rejected(
-    measured: Vec3, expected: float, noise: float, dipole: Vec3, r: Vec3
+    measured_field: Vec3, expected_size: float, noise: float, dipole: Vec3, r: Vec3
 ) -> bool:
     """Return whether a measured field has a size that is not the Earth's.
 
     Parameters
     ----------
-    measured : Vec3
+    measured_field : Vec3
         Field (T).
-    expected : float
+    expected_size : float
         Size of the model's field (T).
     noise : float
         Standard deviation of a component of a measured field (T).
@@ -114,20 +114,20 @@ def is_rejected(
     r : Vec3
         Position (m).
     """
-    most = WRONG_SIZE * expected + FIELD_DEVIATIONS * noise
-    return abs(norm(measured) - expected) > most and geomagnetic.is_plausible(
-        expected, norm(dipole), norm(r)
-    )
+    most = WRONG_SIZE * expected_size + FIELD_DEVIATIONS * noise
+    return abs(
+        norm(measured_field) - expected_size
+    ) > most and geomagnetic.is_plausible(expected_size, norm(dipole), norm(r))
 
 
-def is_strange(measured: Vec3, model: Vec3, noise: float) -> bool:
+def is_strange(measured_field: Vec3, model: Vec3, noise: float) -> bool:
     """Return whether a measured field differs much from the model's (T, same frame)."""
     mismatch = FIELD_MISMATCH * norm(model) + FIELD_DEVIATIONS * noise
-    return norm(sub(measured, model)) > mismatch
+    return norm(sub(measured_field, model)) > mismatch
 
 
 def compare(
-    products: float, squares: float, measured: Vec3, model: Vec3, memory: float
+    products: float, squares: float, measured_field: Vec3, model: Vec3, memory: float
 ) -> tuple[float, float]:
     """Return sums whose ratio is the scale of the model's field over an orbit.
 
@@ -137,7 +137,7 @@ def compare(
     ----------
     products, squares : float
         Sums before (T2); zero at first.
-    measured, model : Vec3
+    measured_field, model : Vec3
         Fields (T, same frame).
     memory : float
         Share of the sums that is kept (1).
@@ -145,6 +145,6 @@ def compare(
     square = dot(model, model)
     prior = square if squares == 0.0 else 0.0
     return (
-        memory * products + prior + dot(measured, model),
+        memory * products + prior + dot(measured_field, model),
         memory * squares + prior + square,
     )

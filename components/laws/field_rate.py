@@ -13,21 +13,21 @@ from ..contract.block import Vec3
 from ..maths.vector import ZERO, add, cross, dot, scale, sub
 
 
-def difference(b: Vec3, before: Vec3, elapsed: float) -> Vec3:
-    """Compute b' (T/s) from two samples `elapsed` (s, above 0) apart.
+def difference(b: Vec3, before: Vec3, elapsed_time: float) -> Vec3:
+    """Compute b' (T/s) from two samples `elapsed_time` (s, above 0) apart.
 
     Paper 003, eq. 2.
     """
-    return scale(1.0 / elapsed, sub(b, before))
+    return scale(1.0 / elapsed_time, sub(b, before))
 
 
-def filtered(last: Vec3, rate: Vec3, cut_off: float, elapsed: float) -> Vec3:
-    """Filter b' (T/s) by a first-order low-pass, `elapsed` (s) after `last`.
+def low_pass(last: Vec3, rate: Vec3, cut_off: float, elapsed_time: float) -> Vec3:
+    """Filter b' (T/s) by a first-order low-pass, `elapsed_time` (s) after `last`.
 
     cut_off in rad/s. With `difference` before it, this is the filtered derivative s /
     (1 + s / cut_off) of b.
     """
-    decay = exp(-cut_off * elapsed)
+    decay = exp(-cut_off * elapsed_time)
     return add(scale(decay, last), scale(1.0 - decay, rate))
 
 

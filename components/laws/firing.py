@@ -27,9 +27,9 @@ def predicted_rate(
     impulse: Vec3,
     inertia: Mat33,
     inverse: Mat33,
-    elapsed: float,
+    elapsed_time: float,
 ) -> Vec3:
-    """Predict the rate (rad/s, body) after `elapsed` (s).
+    """Predict the rate (rad/s, body) after `elapsed_time` (s).
 
     The body had omega and wheels with h_before, gained an external impulse, and has
     wheels with h. J omega + h keeps its direction, so in the body it turns against the
@@ -40,10 +40,10 @@ def predicted_rate(
     before = add(add(mat_vec(inertia, omega), h_before), half)
     after = omega
     for _ in range(3):
-        turned = mat_vec(
-            rotation_about(scale(0.5, add(omega, after)), -elapsed), before
+        turned_momentum = mat_vec(
+            rotation_about(scale(0.5, add(omega, after)), -elapsed_time), before
         )
-        after = mat_vec(inverse, sub(add(turned, half), h))
+        after = mat_vec(inverse, sub(add(turned_momentum, half), h))
     return after
 
 
@@ -55,7 +55,9 @@ def kalman_gain(variance: float, noise: float) -> float:
     return variance / (variance + noise * noise)
 
 
-def pulsed(m: float, limit: float, pulse: float, period: float, duty: float) -> float:
+def pulse_dipole(
+    m: float, limit: float, pulse: float, period: float, duty: float
+) -> float:
     """Compute the mean dipole (A m2) over a period (s) of a pulsed coil of +-limit.
 
     The command m is rounded to the nearest number of pulses (s), at most the fraction

@@ -129,7 +129,7 @@ def predict(
     wheel_axes = [ZERO] * (predictive.WHEELS * predictive.PATH_INTERVALS)
     orbit = elements_from_state(r, v)
     before = _kept_momentum(craft, pointing, pointing.t, pointing.q, r, v)
-    strength, weighted, begin = 0.0, 0.0, 0.0
+    strength, rate_square_sum, begin = 0.0, 0.0, 0.0
     for k in range(count):
         step = dt[k]
         push = ZERO
@@ -151,7 +151,9 @@ def predict(
                 effect[i] = add(effect[i], vectors[j])
             squares = 0.25 * step * _field_across(craft.coil_axes, q, b)
             strength += squares
-            weighted += squares * (norm(cross(r_at, v_at)) / dot(r_at, r_at)) ** 2
+            rate_square_sum += (
+                squares * (norm(cross(r_at, v_at)) / dot(r_at, r_at)) ** 2
+            )
         begin += step
         r_at, v_at = states[2]
         q = _attitude_ahead(pointing, begin, lvlh_attitude(r_at, v_at))
@@ -166,7 +168,7 @@ def predict(
         tuple(drift),
         tuple(effect),
         tuple(wheel_axes),
-        weighted * begin / max(strength * strength, 1e-60),
+        rate_square_sum * begin / max(strength * strength, 1e-60),
     )
 
 

@@ -138,7 +138,7 @@ def tilt(u: Vec3) -> Vec3:
     return (u[1], -u[0], 0.0)
 
 
-def inverted(u: Vec3) -> bool:
+def is_inverted(u: Vec3) -> bool:
     """Return whether the body z axis points away from nadir: the boom is inverted."""
     return u[2] < 0.0
 

@@ -36,7 +36,7 @@ def least_firing(
     dipole: Array,
     dipole_cost: float = 0.0,
     patience: float = 0.0,
-    bounded: bool = True,
+    limits_dipole: bool = True,
 ) -> Plan | None:
     """Find the plan of least firing time whose impulses add up to `impulse`.
 
@@ -46,7 +46,7 @@ def least_firing(
     None where there is no such plan. All in one inertial frame: impulse (3,) N m s;
     thrust (n, p, 3) N m, the mean torque of thruster j over interval k; longest (n,) s;
     dipole (n, c, 3) N m s, the impulse of coil j over interval k at its full dipole,
-    without a limit where not `bounded`. `dipole_cost` (s) is the cost of a full dipole
+    without a limit where not `limits_dipole`. `dipole_cost` (s) is the cost of a full dipole
     over one interval; a small value switches off dipoles that save nothing. A small
     `patience` delays firings that could as well be early.
     """
@@ -66,7 +66,10 @@ def least_firing(
         impulse / strength,
         np.zeros(n * (p + 2 * c)),
         np.concatenate(
-            [np.repeat(longest, p), np.full(2 * n * c, 1.0 if bounded else np.inf)]
+            [
+                np.repeat(longest, p),
+                np.full(2 * n * c, 1.0 if limits_dipole else np.inf),
+            ]
         ),
     )
     if x is None or price is None:
@@ -80,7 +83,7 @@ def least_firing(
     )
 
 
-def _run(solver: highspy.Highs, size: int) -> None:
+def _run_solver(solver: highspy.Highs, size: int) -> None:
     """Run a solver; one of a large programme in a thread, so that a signal ends it."""
     if size < LARGE:
         solver.run()
@@ -124,8 +127,8 @@ def programme(
     ):
         solver.setOptionValue(option, value)
     solver.passModel(task)
-    _run(solver, n)
+    _run_solver(solver, n)
     if solver.getModelStatus() != highspy.HighsModelStatus.kOptimal:
         return None, None
-    found = solver.getSolution()
-    return np.array(found.col_value), np.array(found.row_dual)
+    solution = solver.getSolution()
+    return np.array(solution.col_value), np.array(solution.row_dual)

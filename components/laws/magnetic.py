@@ -36,12 +36,12 @@ def lqr_costate(h: Vec3, gain: Table, offset: Vec3) -> Vec3:
     return sub(mat_vec(full(gain), h), offset)
 
 
-def mec_costate(p0: Vec3, omega: Vec3, elapsed: float) -> Vec3:
+def mec_costate(p0: Vec3, omega: Vec3, elapsed_time: float) -> Vec3:
     """Compute the costate p = exp(W t) p(t_0) (A m2/T), eq. 13.
 
-    t = elapsed (s) since t_0.
+    t = elapsed_time (s) since t_0.
     """
-    return mat_vec(rotation_about(scale(-1.0, omega), elapsed), p0)
+    return mat_vec(rotation_about(scale(-1.0, omega), elapsed_time), p0)
 
 
 def full(upper: Table) -> Mat33:
@@ -50,7 +50,7 @@ def full(upper: Table) -> Mat33:
     return (xx, xy, xz, xy, yy, yz, xz, yz, zz)
 
 
-def interpolated(
+def interpolate_rows(
     table: Table, columns: int, nodes: int, horizon: float, t: float
 ) -> Table:
     """Interpolate between the rows of a table, linearly in t.

@@ -66,8 +66,8 @@ def gains(
         """Return K' (upper triangle) and g' of the Riccati equation, over `unit`."""
         k, g = unit * y[:6][_FULL], unit * y[6:]
         s = reach(field(t), dipole_weight)
-        turned = k @ w
-        dk = -turned - turned.T + k @ s @ k - f
+        rotation_term = k @ w
+        dk = -rotation_term - rotation_term.T + k @ s @ k - f
         dg = -(w - s @ k).T @ g + k @ n
         return np.concatenate((dk[_UPPER], dg)) / unit
 

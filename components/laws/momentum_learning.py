@@ -59,12 +59,14 @@ def passed_field(now: Vec3, before: Vec3, second: Vec3) -> Vec3:
     return add(newer, scale(-1.0 / 12.0, second))
 
 
-def effects(elapsed: float, gravity: Vec3, axes: Mat34, coils: Vec4, b: Vec3) -> Table:
+def effects(
+    elapsed_time: float, gravity: Vec3, axes: Mat34, coils: Vec4, b: Vec3
+) -> Table:
     """Compute the matrix from x to dH, three rows of five (N m s).
 
-    elapsed (s), gravity T_GG (N m), coils: their commanded dipoles (A m2), B (T), body.
+    elapsed_time (s), gravity T_GG (N m), coils: their commanded dipoles (A m2), B (T), body.
     """
-    g, f = scale(elapsed, gravity), scale(elapsed, b)
+    g, f = scale(elapsed_time, gravity), scale(elapsed_time, b)
     p = scale(coils[0], cross((axes[0], axes[4], axes[8]), f))
     q = scale(coils[1], cross((axes[1], axes[5], axes[9]), f))
     r = scale(coils[2], cross((axes[2], axes[6], axes[10]), f))

@@ -153,7 +153,7 @@ def held_field(b: Vec3, before: Vec3, second: Vec3, third: Vec3) -> Vec3:
     return add(newer, sub(scale(37.0 / 24.0, second), scale(9.0 / 24.0, third)))
 
 
-def reduced(m: Vec3, coils: Vec4, limit: float) -> Vec3:
+def scale_to_limit(m: Vec3, coils: Vec4, limit: float) -> Vec3:
     """Scale the dipole m (A m2) down so that no coil exceeds its limit.
 
     `coils` is the allocation of m to the coils. The direction of m is preserved.

@@ -78,7 +78,7 @@ class Filter(NamedTuple):
     p: Table  # covariance (row-major)
     deviations: Table  # prior standard deviations; zero before the first sample
     evidence: learning.Evidence
-    suspected: Vec4  # 1 for each coil that is suspected
+    coil_suspicions: Vec4  # 1 for each coil that is suspected
     surprises: int  # number of surprising samples in a row
     restarts: int  # how often the filter was lost and began anew
 
@@ -96,19 +96,19 @@ class Measurement(NamedTuple):
 
     h: Vec3  # N m s, eci
     noise: float  # N m s, standard deviation
-    elapsed: float  # s, length of the interval
+    elapsed_time: float  # s, length of the interval
     effects: Table  # of `disturbance_learning.causes`
     innovation: Vec3  # N m s, eci
 
 
-def _begin(h: Vec3, deviations: Table, suspected: Vec4, restarts: int) -> Filter:
+def _begin(h: Vec3, deviations: Table, coil_suspicions: Vec4, restarts: int) -> Filter:
     """Return a filter with all of its doubts, at the momentum h (N m s, eci)."""
     return Filter(
         learning.first_state(h),
         learning.first_covariance(deviations),
         deviations,
         learning.NO_EVIDENCE,
-        suspected,
+        coil_suspicions,
         0,
         restarts,
     )
@@ -121,18 +121,18 @@ NO_FIRINGS = ThrustLimits(
 )
 
 
-def turn_back(last: Sample, known: Filter, turn: Vec4) -> tuple[Sample, Filter]:
+def turn_back(last: Sample, estimate: Filter, turn: Vec4) -> tuple[Sample, Filter]:
     """Return sample and filter with vectors (eci) for an attitude that was wrong.
 
     turn: quaternion from the attitude that was used to the right one.
     """
     q = product(turn, last.q)
-    h = rotate_back(q, rotate(last.q, learning.vector(known.x, 0)))
+    h = rotate_back(q, rotate(last.q, learning.vector(estimate.x, 0)))
     field = rotate_back(q, rotate(last.q, last.field))
     gravity = rotate_back(q, rotate(last.q, last.gravity))
     return (
         Sample(last.t, q, last.r, last.v, field, gravity),
-        Filter((*h, *known.x[3:]), *known[1:]),
+        Filter((*h, *estimate.x[3:]), *estimate[1:]),
     )
 
 
@@ -146,7 +146,7 @@ def reach(thrust: Vec3, share: Table, level: Vec3) -> Table:
 
 
 def observe(
-    known: Filter,
+    estimate: Filter,
     limits: ThrustLimits,
     interval: Interval,
     craft: Craft,
@@ -157,7 +157,7 @@ def observe(
 
     Parameters
     ----------
-    known : Filter
+    estimate : Filter
         At its begin, `NO_FILTER` at first.
     limits : ThrustLimits
         At its begin, `NO_FIRINGS` at first.
@@ -179,33 +179,38 @@ def observe(
         _momentum_noise(craft, largest, norm(total)),
         1e-3 * gravity_torque * craft.sample_time,
     )
-    if known.deviations[learning.GRAVITY] == 0.0:
+    if estimate.deviations[learning.GRAVITY] == 0.0:
         deviations = learning.spreads(
             TORQUE_SPREAD * gravity_torque,
             learning.air_torque(largest, end.r, end.v),
             DIPOLE_SPREAD * craft.dipole,
             noise,
         )
-        return _begin(h, deviations, known.suspected, known.restarts), limits
-    elapsed = end.t - begin.t
-    is_long = elapsed > LONGEST_INTERVAL * craft.sample_time
+        return _begin(
+            h, deviations, estimate.coil_suspicions, estimate.restarts
+        ), limits
+    elapsed_time = end.t - begin.t
+    is_long = elapsed_time > LONGEST_INTERVAL * craft.sample_time
     if begin.t < 0.0 or is_long or not is_measured:
-        p = learning.forgotten(known.p, noise)
-        return Filter((*h, *known.x[3:]), p, *known[2:]), limits
+        p = learning.forgotten(estimate.p, noise)
+        return Filter((*h, *estimate.x[3:]), p, *estimate[2:]), limits
     effects = _causes(
-        interval, craft, reach(interval.thrust, limits.share, craft.thrust), elapsed
+        interval,
+        craft,
+        reach(interval.thrust, limits.share, craft.thrust),
+        elapsed_time,
     )
-    innovation = learning.innovation(known.x, h, effects)
-    measurement = Measurement(h, noise, elapsed, effects, innovation)
-    new_limits, missing = _limit_thrust(known, limits, interval, craft, measurement)
+    innovation = learning.innovation(estimate.x, h, effects)
+    measurement = Measurement(h, noise, elapsed_time, effects, innovation)
+    new_limits, missing = _limit_thrust(estimate, limits, interval, craft, measurement)
     return (
-        _learn(known, interval, craft, measurement, gravity_torque, missing),
+        _learn(estimate, interval, craft, measurement, gravity_torque, missing),
         new_limits,
     )
 
 
 def _learn(
-    known: Filter,
+    estimate: Filter,
     interval: Interval,
     craft: Craft,
     measurement: Measurement,
@@ -216,7 +221,7 @@ def _learn(
 
     gravity_torque: n^2 J (N m); missing: of `_limit_thrust`.
     """
-    h, noise, elapsed, effects, innovation = measurement
+    h, noise, elapsed_time, effects, innovation = measurement
     _, orbit = orbit_motion(interval.end.r, interval.end.v)
     axes = tuple(rotate_back(interval.begin.q, axis) for axis in AXES)
     # thrusters round on-times to whole pulses, as the law does; where they are weaker than
@@ -226,54 +231,62 @@ def _learn(
         for torque, level in zip(interval.thrust, craft.thrust, strict=True)
     )
     # a coil is not lost where the thrusters' rounding explains the innovation
-    unexplained = innovation
+    unexplained_momentum = innovation
     for j in range(3):
         most = rounding[j] + missing[j]
         along = min(max(dot(innovation, axes[j]), -most), most)
-        unexplained = sub(unexplained, scale(along, axes[j]))
+        unexplained_momentum = sub(unexplained_momentum, scale(along, axes[j]))
     evidence = learning.gather(
-        learning.Evidence(*known.evidence),
-        known.p,
-        unexplained,
+        learning.Evidence(*estimate.evidence),
+        estimate.p,
+        unexplained_momentum,
         effects,
-        elapsed,
+        elapsed_time,
         orbit,
         craft.doubt,
     )
-    failed = learning.find_failure(evidence, known.x, known.deviations[learning.DIPOLE])
-    suspected = known.suspected
-    if failed >= 0:
-        evidence = learning.explain(evidence, failed)
-        suspected = learning.suspect(suspected, failed)
-    unmodelled = max(
+    failed_actuator = learning.find_failure(
+        evidence, estimate.x, estimate.deviations[learning.DIPOLE]
+    )
+    coil_suspicions = estimate.coil_suspicions
+    if failed_actuator >= 0:
+        evidence = learning.explain(evidence, failed_actuator)
+        coil_suspicions = learning.suspect(coil_suspicions, failed_actuator)
+    unmodelled_torque = max(
         UNMODELLED_TORQUE * gravity_torque,
-        VARIES * learning.known_torque(known.x),
+        VARIES * learning.known_torque(estimate.x),
         learning.unmodelled_torque(evidence),
     )
     # commands, and so their roundings, last as long as innovations are averaged
-    lasting = sqrt(2.0 / 3.0 * learning.SMOOTHED * orbit / elapsed)
+    lasting = sqrt(2.0 / 3.0 * learning.SMOOTHED * orbit / elapsed_time)
     x, p, surprise = learning.update(
-        known.x,
-        known.p,
+        estimate.x,
+        estimate.p,
         h,
         effects,
         noise,
-        unmodelled * sqrt(orbit * elapsed / 3.0),
+        unmodelled_torque * sqrt(orbit * elapsed_time / 3.0),
         tuple(scale(lasting * rounding[j] + missing[j], axes[j]) for j in range(3)),
-        known.deviations,
-        DRIFT * sqrt(elapsed / orbit),
-        failed,
+        estimate.deviations,
+        DRIFT * sqrt(elapsed_time / orbit),
+        failed_actuator,
     )
-    surprises = kalman.count_surprises(known.surprises, surprise)
+    surprises = kalman.count_surprises(estimate.surprises, surprise)
     if surprises >= kalman.SURPRISES:
-        return _begin(h, known.deviations, suspected, known.restarts + 1)
+        return _begin(h, estimate.deviations, coil_suspicions, estimate.restarts + 1)
     return Filter(
-        x, p, known.deviations, evidence, suspected, surprises, known.restarts
+        x,
+        p,
+        estimate.deviations,
+        evidence,
+        coil_suspicions,
+        surprises,
+        estimate.restarts,
     )
 
 
 def _limit_thrust(
-    known: Filter,
+    estimate: Filter,
     limits: ThrustLimits,
     interval: Interval,
     craft: Craft,
@@ -284,33 +297,33 @@ def _limit_thrust(
     Returns also the impulses (N m s, body) that may be missing where a firing tested
     it, so that the interval teaches nothing else about this axis.
     """
-    q, elapsed, fired = interval.end.q, measurement.elapsed, interval.thrust
+    q, elapsed_time, thrust = interval.end.q, measurement.elapsed_time, interval.thrust
     innovation = rotate(q, measurement.innovation)
-    expected = reach(fired, limits.share, craft.thrust)
+    expected_thrust = reach(thrust, limits.share, craft.thrust)
     shares, deviations = list(limits.share), list(limits.deviation)
     bounds, missing = list(limits.bound), [0.0] * 3
     for j in range(3):
-        if fired[j] == 0.0:
+        if thrust[j] == 0.0:
             continue
         i, level = learning.THRUSTERS + j, craft.thrust[j]
         spread = learning.deviation_along(
-            known.p,
+            estimate.p,
             measurement.effects,
             rotate_back(q, AXES[j]),
             i,
             measurement.noise,
         )
-        spread /= elapsed
-        across = MISALIGNMENT * (norm(fired) - abs(fired[j]))
+        spread /= elapsed_time
+        across = MISALIGNMENT * (norm(thrust) - abs(thrust[j]))
         error = sqrt(spread * spread + across * across) / level
-        command = abs(fired[j]) / level
-        torque = known.x[i] * expected[j] + innovation[j] / elapsed
-        share = copysign(1.0, fired[j]) * torque / level
+        command = abs(thrust[j]) / level
+        torque = estimate.x[i] * expected_thrust[j] + innovation[j] / elapsed_time
+        share = copysign(1.0, thrust[j]) * torque / level
         is_tested = thrust_limit.is_tested(
             shares[j], deviations[j], bounds[j], command, error
         )
         if is_tested:
-            missing[j] = elapsed * abs(fired[j])
+            missing[j] = elapsed_time * abs(thrust[j])
             if thrust_limit.is_cut(command, share, error):
                 shares[j], deviations[j] = thrust_limit.correct(
                     shares[j], deviations[j], share, error
@@ -333,13 +346,15 @@ def _momentum_noise(craft: Craft, inertia: float, total: float) -> float:
     )
 
 
-def _causes(interval: Interval, craft: Craft, thrust: Table, elapsed: float) -> Table:
+def _causes(
+    interval: Interval, craft: Craft, thrust: Table, elapsed_time: float
+) -> Table:
     """Return the effect of a unit of each learnt parameter on H, `learning.causes`.
 
-    By the mean of begin and end. thrust: of `reach`; elapsed (s): length of the interval.
+    By the mean of begin and end. thrust: of `reach`; elapsed_time (s): length of the interval.
     """
     begin, end = interval.begin, interval.end
-    half = 0.5 * elapsed
+    half = 0.5 * elapsed_time
     orbit = elements_from_state(end.r, end.v)
     then, now = lvlh_attitude(begin.r, begin.v), lvlh_attitude(end.r, end.v)
     (c0, s0), (c1, s1) = latitude_of(orbit, begin.r), latitude_of(orbit, end.r)
@@ -348,29 +363,29 @@ def _causes(interval: Interval, craft: Craft, thrust: Table, elapsed: float) -> 
     return learning.causes(
         (
             scale(half, add(begin.gravity, end.gravity)),
-            *(scale(elapsed, axis) for axis in AXES),
-            *(scale(half, _weighted(1.0, then, 1.0, now, axis)) for axis in AXES),
-            *(scale(half, _turned(axis, begin, end)) for axis in AXES),
+            *(scale(elapsed_time, axis) for axis in AXES),
+            *(scale(half, _combine_axes(1.0, then, 1.0, now, axis)) for axis in AXES),
+            *(scale(half, _sum_across_field(axis, begin, end)) for axis in AXES),
             *(
-                scale(half * coil, _turned(axis, begin, end))
+                scale(half * coil, _sum_across_field(axis, begin, end))
                 for axis, coil in zip(coil_axes, interval.coils, strict=True)
             ),
             *(
-                scale(half * torque, _weighted(1.0, begin.q, 1.0, end.q, axis))
+                scale(half * torque, _combine_axes(1.0, begin.q, 1.0, end.q, axis))
                 for axis, torque in zip(AXES, thrust, strict=True)
             ),
-            *(scale(half, _weighted(c0, then, c1, now, axis)) for axis in AXES),
-            *(scale(half, _weighted(s0, then, s1, now, axis)) for axis in AXES),
+            *(scale(half, _combine_axes(c0, then, c1, now, axis)) for axis in AXES),
+            *(scale(half, _combine_axes(s0, then, s1, now, axis)) for axis in AXES),
         )
     )
 
 
-def _turned(axis: Vec3, begin: Sample, end: Sample) -> Vec3:
+def _sum_across_field(axis: Vec3, begin: Sample, end: Sample) -> Vec3:
     """Sum axis x B (T, eci) of two samples; axis: body."""
     then = cross(rotate_back(begin.q, axis), begin.field)
     return add(then, cross(rotate_back(end.q, axis), end.field))
 
 
-def _weighted(p: float, first: Vec4, r: float, second: Vec4, axis: Vec3) -> Vec3:
+def _combine_axes(p: float, first: Vec4, r: float, second: Vec4, axis: Vec3) -> Vec3:
     """Return p and r times an axis of two frames (eci), added."""
     return add(scale(p, rotate_back(first, axis)), scale(r, rotate_back(second, axis)))

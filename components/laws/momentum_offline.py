@@ -73,10 +73,10 @@ def periodic_ends(course: Course, rate: float, period: int) -> Array:
     part is left out.
     """
     t = course.dt * np.arange(len(course.gravity) + 1)
-    built = np.vstack([np.zeros(3), np.cumsum(course.gravity * course.dt, axis=0)])
+    momentum = np.vstack([np.zeros(3), np.cumsum(course.gravity * course.dt, axis=0)])
     wave = np.stack([np.cos(2.0 * rate * t), np.sin(2.0 * rate * t)], axis=1)
     form = np.hstack([np.ones((len(t), 1)), t[:, None], wave])
-    part = np.linalg.lstsq(form, built, rcond=None)[0][2:]
+    part = np.linalg.lstsq(form, momentum, rcond=None)[0][2:]
     ends = np.append(np.arange(0, len(t) - 1, period), len(t) - 1)
     return np.asarray(wave[ends] @ part)
 
@@ -148,9 +148,9 @@ def cheapest(
         while cost(better) > value and share > 1e-4:
             share *= 0.5
             better = _between(now, step, share)
-        gained, now = value - cost(better), better
-        value -= gained
-        if gained <= 1e-7 * value:
+        decrease, now = value - cost(better), better
+        value -= decrease
+        if decrease <= 1e-7 * value:
             return now
     raise RuntimeError("the cheapest course: Newton's method did not converge")
 
@@ -322,9 +322,9 @@ def _descend(
             if cost(trial) <= value:
                 better = trial
                 break
-        gained, now = value - cost(better), better
-        value -= gained
-        if gained <= least:
+        decrease, now = value - cost(better), better
+        value -= decrease
+        if decrease <= least:
             break
     return now
 
@@ -351,9 +351,11 @@ def _step(course: Course, penalty: _Penalty, x: Optimum, start: Array) -> Optimu
     r = 0.5 * np.einsum("kca,kc->ka", to, slope_of_coils - bend_of_coils * m)
     shift = np.einsum("kab,kb->ka", weighting, r)
     drift = np.einsum("kab,kb->ka", course.effect, shift) / course.dt
-    changed = replace(course, weighting=weighting, gravity=course.gravity - drift)
-    found = _newton(changed, slope, bend, h, start, penalty.weight)
-    return replace(found, dipole=found.dipole - shift)
+    shifted_course = replace(
+        course, weighting=weighting, gravity=course.gravity - drift
+    )
+    optimum = _newton(shifted_course, slope, bend, h, start, penalty.weight)
+    return replace(optimum, dipole=optimum.dipole - shift)
 
 
 def feedback(course: Course, momentum_weight: Array) -> Array:
@@ -379,12 +381,12 @@ def at_rows(values: Array, dt: float, times: Array, period: int = 0) -> Array:
     grid = dt * np.arange(len(values))
     if period == 0:
         return np.asarray(CubicSpline(grid, values)(times))
-    interpolated = np.empty((len(times), *values.shape[1:]))
+    at_times = np.empty((len(times), *values.shape[1:]))
     for first in range(0, len(values) - 1, period):
         part = slice(first, min(first + period, len(values) - 1) + 1)
         inside = (times >= grid[part][0] - 1e-9) & (times <= grid[part][-1] + 1e-9)
-        interpolated[inside] = CubicSpline(grid[part], values[part])(times[inside])
-    return interpolated
+        at_times[inside] = CubicSpline(grid[part], values[part])(times[inside])
+    return at_times
 
 
 def wheels(course: Course, x: Optimum) -> Array:

@@ -78,7 +78,7 @@ def learn_field(
         # each axis has the same covariance, so each begins with that before
         for i in range(TERMS * TERMS):
             covariance[i] = p[i] / retention
-        variance, expected = 1.0, 0.0
+        variance, expected_field = 1.0, 0.0
         for i in range(TERMS):
             product[i] = (
                 covariance[TERMS * i] * regressor[0]
@@ -87,18 +87,18 @@ def learn_field(
             )
             of_axis[i] = c[TERMS * axis + i]
             variance += regressor[i] * product[i]
-            expected += regressor[i] * of_axis[i]
+            expected_field += regressor[i] * of_axis[i]
         kalman.correct(
-            of_axis, covariance, product, b[axis] - expected, variance, TERMS
+            of_axis, covariance, product, b[axis] - expected_field, variance, TERMS
         )
         for i in range(TERMS):
             coefficients[TERMS * axis + i] = of_axis[i]
     return tuple(coefficients), tuple(covariance)
 
 
-def retention_of(elapsed: float, memory: float) -> float:
+def retention_of(elapsed_time: float, memory: float) -> float:
     """Return the share of information (1) that an elapsed time (s) leaves."""
-    return exp(-elapsed / memory)
+    return exp(-elapsed_time / memory)
 
 
 def term(c: Table, i: int) -> Vec3:

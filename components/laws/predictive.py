@@ -37,7 +37,7 @@ from typing import NamedTuple
 
 from ..contract.block import Mat33, Table, Vec3
 from ..maths import matrix
-from ..maths.matrix import multiply, transposed
+from ..maths.matrix import multiply, transpose
 from ..maths.vector import (
     IDENTITY,
     ZERO,
@@ -200,25 +200,25 @@ def plan_path(
     path: list[Vec3] = [ZERO] * PATH_INTERVALS
     trial_path: list[Vec3] = [ZERO] * PATH_INTERVALS
     cost = _follow_plan(problem, first, u, path)
-    steps, converged = 0, False
-    while steps < STEPS and not converged:
+    steps, has_converged = 0, False
+    while steps < STEPS and not has_converged:
         steps += 1
         sweep = _sweep_backward(problem, u, path)
         fraction, trial_cost = 1.0, cost
-        improved, is_flat = False, False
+        has_improved, is_flat = False, False
         for _ in range(HALVINGS):
             trial_cost = _sweep_forward(
                 problem, fraction, sweep, u, path, trial_u, trial_path
             )
             if trial_cost < cost:
-                improved = True
+                has_improved = True
                 break
             is_flat = is_flat or trial_cost - cost <= CONVERGED * CONVERGED * cost
             fraction *= 0.5
-        if not improved:
-            converged = is_flat
+        if not has_improved:
+            has_converged = is_flat
             break
-        converged = cost - trial_cost <= CONVERGED * cost
+        has_converged = cost - trial_cost <= CONVERGED * cost
         cost = trial_cost
         for i in range(COILS * problem.intervals):
             u[i] = trial_u[i]
@@ -229,17 +229,17 @@ def plan_path(
         k = problem.intervals - 1 - step_back
         slope, _ = path_cost_derivatives(problem, k, path[k])
         costate = add(costate, scale(problem.dt[k], slope))
-    return tuple(u), costate, tuple(path), steps, converged
+    return tuple(u), costate, tuple(path), steps, has_converged
 
 
 def _next_momentum(problem: PathProblem, k: int, x: Vec3, u: list[float]) -> Vec3:
     """Return X_k+1 (N m s) that follows from x = X_k and the plan u."""
-    moved = add(x, problem.drift[k])
+    momentum = add(x, problem.drift[k])
     for j in range(COILS):
         i = COILS * k + j
         if u[i] != 0.0:
-            moved = add(moved, scale(u[i], problem.effect[i]))
-    return moved
+            momentum = add(momentum, scale(u[i], problem.effect[i]))
+    return momentum
 
 
 def _add_interval_cost(
@@ -348,12 +348,12 @@ def _solve_interval(hessian: Mat33, effect: Mat33) -> tuple[Mat33, Mat33]:
     This form keeps precision in the directions in which M is small.
     """
     lower = root(hessian)
-    upper = transposed(lower)
-    squared = matrix.add(IDENTITY, multiply(upper, multiply(effect, lower)))
-    z = inverse_of_lower(root(squared))
+    upper = transpose(lower)
+    scaled_effect = matrix.add(IDENTITY, multiply(upper, multiply(effect, lower)))
+    z = inverse_of_lower(root(scaled_effect))
     product = multiply(z, upper)
-    left_factor = transposed(multiply(z, inverse_of_lower(lower)))
-    return multiply(left_factor, product), multiply(transposed(product), product)
+    left_factor = transpose(multiply(z, inverse_of_lower(lower)))
+    return multiply(left_factor, product), multiply(transpose(product), product)
 
 
 def _sweep_forward(
@@ -415,16 +415,16 @@ def plan_unloading(
     """
     u = [0.0] * (ACTUATORS * INTERVALS)
     costate = ZERO
-    steps, converged = 0, False
+    steps, has_converged = 0, False
     for stage in STAGES:
         gradient, hessian = _evaluate_dual(problem, stage, costate, u)
         steps += 1
         mean_hessian = hessian
         nearest, least = costate, dot(gradient, gradient)
-        trials, converged = 1, False
+        trials, has_converged = 1, False
         while trials < TRIALS:
-            converged = dot(gradient, gradient) <= tolerance * tolerance
-            if converged:
+            has_converged = dot(gradient, gradient) <= tolerance * tolerance
+            if has_converged:
                 break
             inverse = inverse_of_lower(root(mean_hessian))
             step = mat_t_vec(inverse, mat_vec(inverse, gradient))
@@ -454,11 +454,11 @@ def plan_unloading(
             )
             if dot(gradient, gradient) < least:
                 nearest, least = costate, dot(gradient, gradient)
-        if not converged:
+        if not has_converged:
             costate = nearest
-    if not converged:
+    if not has_converged:
         gradient, _ = _evaluate_dual(problem, STAGES[3], costate, u)
-    return tuple(u), steps, converged
+    return tuple(u), steps, has_converged
 
 
 def _evaluate_dual(

@@ -18,7 +18,7 @@ from ..contract.block import Mat33, Vec3
 from ..maths.vector import add, cross, dot, mat_vec, rotation_about, scale, sub
 
 
-def predicted(
+def predict(
     omega: Vec3,
     b: Vec3,
     m: Vec3,
@@ -26,13 +26,13 @@ def predicted(
     wheel: Vec3,
     inertia: Mat33,
     inverse: Mat33,
-    elapsed: float,
+    elapsed_time: float,
 ) -> tuple[Vec3, Vec3]:
-    """Propagate (omega, b) over `elapsed` (s) with m and tau held.
+    """Propagate (omega, b) over `elapsed_time` (s) with m and tau held.
 
     omega by the midpoint rule in four parts.
     """
-    part = 0.25 * elapsed
+    part = 0.25 * elapsed_time
     for k in range(4):
         now = sub(wheel, scale((k + 0.5) * part, tau))
         slope = _slope(omega, b, m, tau, now, inertia, inverse)
@@ -58,19 +58,19 @@ def _slope(
     return mat_vec(inverse, add(sub(cross(m, b), cross(omega, momentum)), tau))
 
 
-def corrected(
-    omega: Vec3, b: Vec3, measured: Vec3, bandwidth: float, elapsed: float
+def correct(
+    omega: Vec3, b: Vec3, measured_field: Vec3, bandwidth: float, elapsed_time: float
 ) -> tuple[Vec3, Vec3]:
     """Correct (omega, b) by a measured field (T).
 
     The error across the field decays as a second-order system of this bandwidth (rad/s)
-    with damping 1 / sqrt 2. With d = measured - b: b takes sqrt 2 bandwidth T of d,
+    with damping 1 / sqrt 2. With d = measured_field - b: b takes sqrt 2 bandwidth T of d,
     omega bandwidth^2 T (d x b) / |b|^2.
     """
-    size2 = dot(measured, measured)
+    size2 = dot(measured_field, measured_field)
     if size2 == 0.0:
         return omega, b
-    d = sub(measured, b)
-    first = min(1.4142135623730951 * bandwidth * elapsed, 1.0)
-    second = bandwidth * bandwidth * elapsed / size2
+    d = sub(measured_field, b)
+    first = min(1.4142135623730951 * bandwidth * elapsed_time, 1.0)
+    second = bandwidth * bandwidth * elapsed_time / size2
     return add(omega, scale(second, cross(d, b))), add(b, scale(first, d))

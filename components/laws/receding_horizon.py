@@ -78,15 +78,15 @@ Fit = tuple[Vec10, tuple[Vec4, Vec4, Vec4]]
 NO_FIT: Fit = ((0.0,) * 10, ((0.0,) * 4, (0.0,) * 4, (0.0,) * 4))
 
 
-def learnt(fit: Fit, model: Vec3, measured: Vec3) -> Fit:
-    """Add a measurement to a fit: D = measured - model (T, body).
+def learnt(fit: Fit, model: Vec3, measured_field: Vec3) -> Fit:
+    """Add a measurement to a fit: D = measured_field - model (T, body).
 
     It is at X = (model, size), where size is that of the model's field.
     """
     (xx, xy, xz, xs, yy, yz, ys, zz, zs, ss), sums = fit
     x, y, z = model
     s = norm(model)
-    d = sub(measured, model)
+    d = sub(measured_field, model)
     squares = (
         xx + x * x,
         xy + x * y,
@@ -112,7 +112,7 @@ def _with(sums: Vec4, d: float, model: Vec3, size: float) -> Vec4:
     return (sums[0] + x * d, sums[1] + y * d, sums[2] + z * d, sums[3] + size * d)
 
 
-def corrected(
+def correct_fields(
     fit: Fit, fields: tuple[Vec3, ...], spread: float, noise: float
 ) -> tuple[Vec3, ...]:
     """Correct the `fields` (T, body) of a model by the measurements so far.
@@ -127,7 +127,7 @@ def corrected(
     share = noise / spread
     prior = share * share
     normal = (xx + prior, xy, xz, xs, yy + prior, yz, ys, zz + prior, zs, ss + prior)
-    x, y, z = (_solved(normal, axis) for axis in sums)
+    x, y, z = (_solve(normal, axis) for axis in sums)
     return tuple(add(b, (_times(x, b), _times(y, b), _times(z, b))) for b in fields)
 
 
@@ -136,7 +136,7 @@ def _times(row: Vec4, b: Vec3) -> float:
     return row[0] * b[0] + row[1] * b[1] + row[2] * b[2] + row[3] * norm(b)
 
 
-def _solved(m: Vec10, v: Vec4) -> Vec4:
+def _solve(m: Vec10, v: Vec4) -> Vec4:
     """Solve m x = v by elimination.
 
     m is symmetric and positive definite, its upper triangle row by row.

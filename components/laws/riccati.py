@@ -11,7 +11,7 @@ from functools import lru_cache
 from math import sqrt
 
 from ..contract.block import Mat33, Vec3
-from ..maths.matrix import add, multiply, scale, subtract, transposed
+from ..maths.matrix import add, multiply, scale, subtract, transpose
 from ..maths.vector import IDENTITY, inverse, mat_vec
 
 # Decay of the slowest closed-loop mode, relative to sqrt(|S| |F|), below which the
@@ -38,25 +38,27 @@ def infinite_gain(w: Mat33, s: Mat33, f: Mat33) -> Mat33 | None:
     if rate == 0.0:
         return None
     a, g, h = scale(1.0 / rate, w), scale(1.0 / largest_s, s), scale(1.0 / largest_f, f)
-    shifted = inverse(subtract(a, scale(_SHIFT, IDENTITY)))
-    shifted_g = multiply(shifted, g)
-    left_factor = inverse(add(transposed(inverse(shifted)), multiply(h, shifted_g)))
-    power = add(IDENTITY, scale(2.0 * _SHIFT, transposed(left_factor)))
+    shifted_inverse = inverse(subtract(a, scale(_SHIFT, IDENTITY)))
+    shifted_g = multiply(shifted_inverse, g)
+    left_factor = inverse(
+        add(transpose(inverse(shifted_inverse)), multiply(h, shifted_g))
+    )
+    power = add(IDENTITY, scale(2.0 * _SHIFT, transpose(left_factor)))
     reach = scale(2.0 * _SHIFT, multiply(shifted_g, left_factor))
-    gain = scale(2.0 * _SHIFT, multiply(left_factor, multiply(h, shifted)))
-    converged = False
+    gain = scale(2.0 * _SHIFT, multiply(left_factor, multiply(h, shifted_inverse)))
+    has_converged = False
     for _ in range(_DOUBLINGS):
         middle = inverse(add(IDENTITY, multiply(reach, gain)))
         ahead = multiply(power, middle)
-        more = multiply(multiply(transposed(power), gain), multiply(middle, power))
-        reach = add(reach, multiply(multiply(ahead, reach), transposed(power)))
+        more = multiply(multiply(transpose(power), gain), multiply(middle, power))
+        reach = add(reach, multiply(multiply(ahead, reach), transpose(power)))
         gain = add(gain, more)
         power = multiply(ahead, power)
         if _size(more) <= 1e-17 * _size(gain):
-            converged = True
+            has_converged = True
             break
-    gain = scale(0.5, add(gain, transposed(gain)))
-    if not converged or not _decays(subtract(a, multiply(g, gain)), LEAST_DECAY):
+    gain = scale(0.5, add(gain, transpose(gain)))
+    if not has_converged or not _decays(subtract(a, multiply(g, gain)), LEAST_DECAY):
         return None
     return scale(sqrt(largest_f / largest_s), gain)
 
@@ -66,8 +68,8 @@ def infinite_offset(k: Mat33, w: Mat33, s: Mat33, n_con: Vec3) -> Vec3:
 
     This is eq. 11 of paper 000 at rest.
     """
-    closed = subtract(w, multiply(s, k))
-    return mat_vec(inverse(transposed(closed)), mat_vec(k, n_con))
+    closed_loop = subtract(w, multiply(s, k))
+    return mat_vec(inverse(transpose(closed_loop)), mat_vec(k, n_con))
 
 
 def _size(m: Mat33) -> float:

@@ -59,12 +59,12 @@ class Model(NamedTuple):
 class Sequence(NamedTuple):
     """Torques of the wheels over segments.
 
-    The first segment began `elapsed` steps ago.
+    The first segment began `elapsed_steps` ago.
     """
 
     torques: Table  # (SEGMENTS, 4), N m, to each rotor
     segments: int  # number of segments in use, after which the law applies
-    elapsed: int  # steps since the first segment began
+    elapsed_steps: int  # steps since the first segment began
 
 
 def none() -> Sequence:
@@ -101,7 +101,7 @@ def of_sequence(torques: Table, segment: int) -> Vec4:
     return (torques[k], torques[k + 1], torques[k + 2], torques[k + 3])
 
 
-def allowed(u: Vec4, h: Vec4, limit: float) -> Vec4:
+def stop_overspeed(u: Vec4, h: Vec4, limit: float) -> Vec4:
     """Return u without the torques that drive a wheel further beyond its limit."""
     return (
         0.0 if abs(h[0]) >= limit and u[0] * h[0] > 0.0 else u[0],
@@ -132,7 +132,7 @@ def predict_cost(
     h: Vec4,
     torques: Table,
     segments: int,
-    elapsed: int,
+    elapsed_steps: int,
     length: int,
     horizon: int,
     best: float,
@@ -144,7 +144,7 @@ def predict_cost(
     rate relative to the limit. It is infinite once it exceeds `best`, or a rate exceeds
     `fastest`.
     """
-    planned = segments * length - elapsed
+    plan_steps = segments * length - elapsed_steps
     for k in range(horizon):
         size = largest(omega) / model.rate_limit
         if size < 1.0:
@@ -152,14 +152,14 @@ def predict_cost(
         if k > best or largest(omega) > fastest:
             return inf
         m = clip(all_coils(omega, b, model.gain), model.m_limit)
-        free = k >= planned
+        free = k >= plan_steps
         u = (
             by_law(model, omega)
             if free
-            else of_sequence(torques, (k + elapsed) // length)
+            else of_sequence(torques, (k + elapsed_steps) // length)
         )
-        u = allowed(u, h, model.h_limit)
-        omega, b = stepped(model, omega, b, h, m, u)
+        u = stop_overspeed(u, h, model.h_limit)
+        omega, b = propagate_step(model, omega, b, h, m, u)
         h = (
             h[0] + model.step * u[0],
             h[1] + model.step * u[1],
@@ -169,7 +169,7 @@ def predict_cost(
     return horizon + largest(omega) / model.rate_limit
 
 
-def stepped(
+def propagate_step(
     model: Model, omega: Vec3, b: Vec3, h: Vec4, m: Vec3, u: Vec4
 ) -> tuple[Vec3, Vec3]:
     """Propagate (omega, b) over a step with m (A m2) and u (N m) held.
@@ -212,7 +212,7 @@ def sought(
     """
     fastest = max(TURN / model.step, largest(omega))
     cost = predict_cost(model, omega, b, h, NOTHING, 0, 0, length, horizon, inf, inf)
-    torques, segments, elapsed = NOTHING, 0, 0
+    torques, segments, elapsed_steps = NOTHING, 0, 0
     if cost <= 0.0:
         return none(), cost
     again = predict_cost(
@@ -222,7 +222,7 @@ def sought(
         h,
         before.torques,
         before.segments,
-        before.elapsed,
+        before.elapsed_steps,
         length,
         horizon,
         cost,
@@ -230,10 +230,10 @@ def sought(
     )
     if again < cost:
         cost, torques = again, before.torques
-        segments, elapsed = before.segments, before.elapsed
+        segments, elapsed_steps = before.segments, before.elapsed_steps
     spread = 1.0
     for k in range(rounds):
-        centre, used, begun = torques, segments, elapsed
+        centre, used, centre_elapsed = torques, segments, elapsed_steps
         for i in range(candidates):
             number = (candidates * k + i) * (SEGMENTS * _WHEELS)
             anew = k == 0 or used == 0
@@ -250,11 +250,11 @@ def sought(
                 for j in range(SEGMENTS * _WHEELS)
             )
             many = 1 + i % SEGMENTS if anew else used
-            since = 0 if anew else begun
+            since = 0 if anew else centre_elapsed
             trial_cost = predict_cost(
                 model, omega, b, h, trial, many, since, length, horizon, cost, fastest
             )
             if trial_cost < cost:
-                cost, torques, segments, elapsed = trial_cost, trial, many, since
+                cost, torques, segments, elapsed_steps = trial_cost, trial, many, since
         spread *= 0.5
-    return Sequence(torques, segments, elapsed), cost
+    return Sequence(torques, segments, elapsed_steps), cost

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ..contract.block import Vec3, Vec4
-from ..maths.attitude import propagated
+from ..maths.attitude import propagate
 from ..maths.vector import scale
 from .attitude_control import rest_to_rest
 
@@ -28,7 +28,7 @@ def attitude_at(slew: Slew, q: Vec4, since: float, at: float) -> Vec4:
     after, _ = rest_to_rest((at - slew.begin) / duration)
     if before == after:
         return q
-    return propagated(q, slew.rotation, after - before)
+    return propagate(q, slew.rotation, after - before)
 
 
 def rate_at(slew: Slew, t: float) -> Vec3:

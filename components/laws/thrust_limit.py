@@ -54,8 +54,8 @@ def correct(
     """
     variance = deviation * deviation
     gain = variance / (variance + error * error)
-    corrected = limit + gain * (torque - limit)
-    return min(max(corrected, 0.0), 1.0), deviation * sqrt(1.0 - gain)
+    limit_after = limit + gain * (torque - limit)
+    return min(max(limit_after, 0.0), 1.0), deviation * sqrt(1.0 - gain)
 
 
 def raise_bound(bound: float, command: float, torque: float, error: float) -> float:

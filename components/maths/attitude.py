@@ -32,7 +32,7 @@ def inverse(q: Vec4) -> Vec4:
     return (-q[0], -q[1], -q[2], q[3])
 
 
-def normalised(q: Vec4) -> Vec4:
+def normalise(q: Vec4) -> Vec4:
     """Scale a quaternion to length 1: q / |q|."""
     s = 1.0 / sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return (q[0] * s, q[1] * s, q[2] * s, q[3] * s)
@@ -73,7 +73,7 @@ def from_matrix(c: Mat33) -> Vec4:
         q = (c12 + c21, 1.0 - c11 + c22 - c33, c23 + c32, c31 - c13)
     else:
         q = (c13 + c31, c23 + c32, 1.0 - c11 - c22 + c33, c12 - c21)
-    q = normalised(q)
+    q = normalise(q)
     return q if q[3] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])
 
 
@@ -114,7 +114,7 @@ def rotate_back(q: Vec4, v: Vec3) -> Vec3:
     return rotate((-q[0], -q[1], -q[2], q[3]), v)
 
 
-def propagated(q: Vec4, omega: Vec3, t: float) -> Vec4:
+def propagate(q: Vec4, omega: Vec3, t: float) -> Vec4:
     """Propagate q over t (s) at the constant rate omega (rad/s, left frame).
 
     The result is exp(1/2 Omega t) q.
@@ -125,7 +125,7 @@ def propagated(q: Vec4, omega: Vec3, t: float) -> Vec4:
         return q
     half = 0.5 * rate * t
     s = sin(half) / rate
-    return normalised(product((wx * s, wy * s, wz * s, cos(half)), q))
+    return normalise(product((wx * s, wy * s, wz * s, cos(half)), q))
 
 
 def error_angle(q: Vec4, q_ref: Vec4) -> float:

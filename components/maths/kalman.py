@@ -27,7 +27,7 @@ def correct(
     product: list[float],
     innovation: float,
     variance: float,
-    estimated: int,
+    estimated_states: int,
 ) -> None:
     """Correct the first states in place, and only consider the others (Schmidt).
 
@@ -44,18 +44,18 @@ def correct(
         y - c'x.
     variance : float
         Variance of the innovation, c'P c + R, or more (underweighted).
-    estimated : int
+    estimated_states : int
         How many states are corrected; n: all.
     """
     states = len(x)
     share = innovation / variance
     for i in range(states):
-        is_estimated = i < estimated
+        is_estimated = i < estimated_states
         if is_estimated:
             x[i] += product[i] * share
         # both halves: as loops of known length they need no checks in C
         for j in range(states):
-            if is_estimated or j < estimated:
+            if is_estimated or j < estimated_states:
                 p[states * i + j] -= product[i] * product[j] / variance
 
 

@@ -52,7 +52,7 @@ def least_effort(
     n = len(columns)
     side, rate, reach = [0.0] * COLUMNS, [0.0] * COLUMNS, [inf] * COLUMNS
     basis, kink = [-1, -2, -3], [0.0, 0.0, 0.0]
-    allowed = _FIT * max(norm(goal), 1.0)
+    tolerance = _FIT * max(norm(goal), 1.0)
     for exchange in range(_MOST_EXCHANGES):
         p, q, r = (columns[j] if j >= 0 else AXES[-1 - j] for j in basis)
         to_basis = inverse((p[0], q[0], r[0], p[1], q[1], r[1], p[2], q[2], r[2]))
@@ -62,16 +62,16 @@ def least_effort(
                 rest = sub(rest, scale(side[j] * most[j], columns[j]))
         values = mat_vec(to_basis, rest)
         leaving, excess, turn = _leaving(
-            values, tuple(basis), tuple(kink), most, allowed, exchange < _LONG
+            values, tuple(basis), tuple(kink), most, tolerance, exchange < _LONG
         )
         if leaving < 0:
             return _solution(tuple(basis), values, tuple(side), most)
-        held = (
+        basis_cost = (
             kink[0] * cost[basis[0]] if basis[0] >= 0 else 0.0,
             kink[1] * cost[basis[1]] if basis[1] >= 0 else 0.0,
             kink[2] * cost[basis[2]] if basis[2] >= 0 else 0.0,
         )
-        price = mat_t_vec(to_basis, held)
+        price = mat_t_vec(to_basis, basis_cost)
         step = scale(turn, mat_t_vec(to_basis, AXES[leaving]))
         stiff = _PIVOT * norm(step)
         out = basis[leaving]
@@ -87,7 +87,7 @@ def least_effort(
                 at = kink[leaving] * cost[j] if j == out else dot(price, columns[j])
                 reach[j] = _way_to_kink(side[j], rate[j], cost[j], at)
         entering = _entering(
-            n, side, rate, reach, cost, most, excess, allowed, exchange < _LONG
+            n, side, rate, reach, cost, most, excess, tolerance, exchange < _LONG
         )
         if entering < 0:
             return None
@@ -103,7 +103,7 @@ def _leaving(
     basis: tuple[int, ...],
     kink: tuple[float, ...],
     most: tuple[float, ...],
-    allowed: float,
+    tolerance: float,
     largest_first: bool,
 ) -> tuple[int, float, float]:
     """Find the basis variable that leaves: the one most outside 0 to `most`.
@@ -111,7 +111,7 @@ def _leaving(
     Otherwise the first one (Bland). Returns its place in the basis, or -1; by how much
     it is outside; and 1 or -1, as it is above or below.
     """
-    leaving, excess, turn = -1, allowed, 0.0
+    leaving, excess, turn = -1, tolerance, 0.0
     for i in range(3):
         edge = kink[i] * most[basis[i]] if basis[i] >= 0 else 0.0
         over, under = values[i] - max(edge, 0.0), min(edge, 0.0) - values[i]
@@ -119,7 +119,7 @@ def _leaving(
         better = (
             worst > excess
             if largest_first
-            else (worst > allowed and (leaving < 0 or basis[i] < basis[leaving]))
+            else (worst > tolerance and (leaving < 0 or basis[i] < basis[leaving]))
         )
         if better:
             leaving, excess, turn = i, worst, 1.0 if over > under else -1.0
@@ -143,13 +143,13 @@ def _entering(
     cost: tuple[float, ...],
     most: tuple[float, ...],
     excess: float,
-    allowed: float,
+    tolerance: float,
     long_step: bool,
 ) -> int:
     """Find the column that enters, or return -1 where the objective rises for ever.
 
     A long step passes kinks as long as the objective still rises: by `excess` a unit,
-    which must stay above `allowed`. What it passes changes `side`.
+    which must stay above `tolerance`. What it passes changes `side`.
     """
     while True:
         entering = 0
@@ -160,7 +160,7 @@ def _entering(
             return -1
         way = 1.0 if rate[entering] > 0.0 else -1.0
         excess -= most[entering] * abs(rate[entering])
-        if excess <= allowed or not long_step:
+        if excess <= tolerance or not long_step:
             return entering
         side[entering] += way
         if side[entering] == way:

@@ -30,7 +30,7 @@ def multiply(p: Mat33, q: Mat33) -> Mat33:
     )
 
 
-def transposed(m: Mat33) -> Mat33:
+def transpose(m: Mat33) -> Mat33:
     """Return the transpose m'."""
     return (m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8])
 

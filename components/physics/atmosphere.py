@@ -174,7 +174,7 @@ def semiannual(epoch: float) -> float:
     )
 
 
-def separated(altitude: float, temperature: float, helium: float) -> float:
+def diffusive_density(altitude: float, temperature: float, helium: float) -> float:
     """Compute the density (kg/m3) at a height (m) from 120 km on.
 
     `temperature` is that of the exosphere (K). Each gas is in diffusive equilibrium by
@@ -212,7 +212,7 @@ def by_activity(
     altitude (m) above the ellipsoid; r (m) and the unit vector to the Sun in axes of
     the equator; epoch (s since J2000); `coldest`, the temperature of
     `coldest_temperature` (K); Kp for magnetic activity. The density is that of
-    `separated` at the temperature of `exosphere`, with the semiannual and the seasonal
+    `diffusive_density` at the temperature of `exosphere`, with the semiannual and the seasonal
     variation of Jacchia (1971). Below 120 km it is that of `table`, scaled to be
     continuous.
 
@@ -228,8 +228,12 @@ def by_activity(
     season = sin(0.25 * pi - 0.5 * copysign(latitude, latitude * declination))
     helium = 0.65 * abs(declination) / _OBLIQUITY * (season * season * season - 0.35355)
     above = max(altitude, _BASE)
-    density = separated(above, temperature, 10.0**helium)
+    density = diffusive_density(above, temperature, 10.0**helium)
     km = 1e-3 * above
     strength: float = (5.876e-7 * km**2.331 + 0.06328) * exp(-2.868e-3 * km)
-    varied: float = density * 10.0 ** (strength * semiannual(epoch))
-    return varied if altitude >= _BASE else varied * table(altitude) / table(_BASE)
+    with_season: float = density * 10.0 ** (strength * semiannual(epoch))
+    return (
+        with_season
+        if altitude >= _BASE
+        else with_season * table(altitude) / table(_BASE)
+    )

@@ -43,14 +43,14 @@ def osculating_elements(mean: Elements, degree: int, mu: float) -> Elements:
     mean_equinoctial = _equinoctial(mean)
     guess = mean_equinoctial
     for _ in range(4):
-        found = _averages(_elements(guess), degree, mu)
+        mean_of_guess = _averages(_elements(guess), degree, mu)
         guess = (
-            guess[0] + mean_equinoctial[0] - found[0],
-            guess[1] + mean_equinoctial[1] - found[1],
-            guess[2] + mean_equinoctial[2] - found[2],
-            guess[3] + mean_equinoctial[3] - found[3],
-            guess[4] + mean_equinoctial[4] - found[4],
-            guess[5] + remainder(mean_equinoctial[5] - found[5], tau),
+            guess[0] + mean_equinoctial[0] - mean_of_guess[0],
+            guess[1] + mean_equinoctial[1] - mean_of_guess[1],
+            guess[2] + mean_equinoctial[2] - mean_of_guess[2],
+            guess[3] + mean_equinoctial[3] - mean_of_guess[3],
+            guess[4] + mean_equinoctial[4] - mean_of_guess[4],
+            guess[5] + remainder(mean_equinoctial[5] - mean_of_guess[5], tau),
         )
     return _elements(guess)
 

@@ -66,7 +66,9 @@ def drag(motor: Motor, curve: Curve, omega: float) -> float:
     return torque * tanh(omega / motor[4])
 
 
-def limited(motor: Motor, curve: Curve, torque: float, omega: float) -> float:
+def limit_motor_torque(
+    motor: Motor, curve: Curve, torque: float, omega: float
+) -> float:
     """Limit a torque (N m) to what the motor can give at the speed omega (rad/s)."""
     no_load, slope, most = curve[0], curve[1], motor[7]
     if no_load > 0.0:
@@ -91,11 +93,11 @@ def step(
     change, rest, total = (rate1 - rate0) / dt, dt, 0.0
     for _ in range(CHANGES):
         axial = rate1 - change * rest, change
-        rotor, lasted, integral = _state(
+        rotor, duration, integral = _state(
             motor, curve, rotor, command, axial, rest, fastest
         )
         total += integral
-        rest -= lasted
+        rest -= duration
         if rest <= 0.0:
             return rotor, total
     return rotor, total + rest * rotor[0]
@@ -124,7 +126,7 @@ def _state(
         outwards = copysign(1.0, omega)
         balance = j * axial[1] + drag(motor, curve, omega)
         now = motor_torque(motor, torque, command, 0.0) + learnt
-        if (limited(motor, curve, now, omega) - balance) * outwards > 0.0:
+        if (limit_motor_torque(motor, curve, now, omega) - balance) * outwards > 0.0:
             return at_limit(
                 motor, rotor, command, axial, dt, outwards * fastest, balance - learnt
             )
@@ -154,20 +156,22 @@ def _moving(
             size *= 0.5
             continue
         if _beyond(motor, torque, command, after, axial, begin + size, fastest):
-            least, lasted = 0.0, size
+            least, duration = 0.0, size
             for _ in range(HALVINGS):
-                middle = 0.5 * (least + lasted)
-                tried, _ = _piece(
+                middle = 0.5 * (least + duration)
+                trial, _ = _piece(
                     motor, curve, torque, command, axial, begin, now, middle
                 )
                 if _beyond(
-                    motor, torque, command, tried, axial, begin + middle, fastest
+                    motor, torque, command, trial, axial, begin + middle, fastest
                 ):
-                    lasted = middle
+                    duration = middle
                 else:
                     least = middle
-            after, _ = _piece(motor, curve, torque, command, axial, begin, now, lasted)
-            end = begin + lasted
+            after, _ = _piece(
+                motor, curve, torque, command, axial, begin, now, duration
+            )
+            end = begin + duration
             (h, after_torque, learnt, way), integral = _there(
                 motor, rotor, command, after, end
             )
@@ -179,16 +183,16 @@ def _moving(
             break
         if 64.0 * error < SMALL_SPEED * motor[0]:
             size *= 2.0
-    turned, total = _there(motor, rotor, command, now, begin)
-    return turned, begin, total
+    rotor_after, total = _there(motor, rotor, command, now, begin)
+    return rotor_after, begin, total
 
 
 def _there(
     motor: Motor, rotor: Rotor, command: float, now: Moving, t: float
 ) -> tuple[Rotor, float]:
     """Return the rotor after t (s), and the integral of its h (N m s2)."""
-    pushed, first, torque, _ = driven(motor, rotor[1], command, t)
-    return (now[0] + pushed, torque, now[1], rotor[3]), now[2] + first
+    motor_momentum, first, torque, _ = driven(motor, rotor[1], command, t)
+    return (now[0] + motor_momentum, torque, now[1], rotor[3]), now[2] + first
 
 
 def _beyond(
@@ -257,10 +261,10 @@ def _runge_kutta(
         """Compute y' (N m) and the derivative of the learnt torque (N m/s) at s (s)."""
         decay = exp(-s / lag) if excess else 0.0
         answer = command + excess * decay
-        pushed = command * s + excess * lag * (1.0 - decay)
-        omega = (y + pushed) / j - rate - change * s
+        motor_momentum = command * s + excess * lag * (1.0 - decay)
+        omega = (y + motor_momentum) / j - rate - change * s
         friction = drag(motor, curve, omega)
-        drive = limited(motor, curve, answer + learnt, omega)
+        drive = limit_motor_torque(motor, curve, answer + learnt, omega)
         return drive - answer - friction, c * (friction - learnt)
 
     half = 0.5 * size
@@ -268,6 +272,6 @@ def _runge_kutta(
     q, q2 = changes(begin + half, y + half * p, learnt + half * p2)
     r, r2 = changes(begin + half, y + half * q, learnt + half * q2)
     s, s2 = changes(begin + size, y + size * r, learnt + size * r2)
-    gained = size / 6.0 * (p + 2.0 * (q + r) + s)
-    total += size * (y + 0.5 * gained + size * (p - s) / 12.0)
-    return y + gained, learnt + size / 6.0 * (p2 + 2.0 * (q2 + r2) + s2), total
+    momentum_gain = size / 6.0 * (p + 2.0 * (q + r) + s)
+    total += size * (y + 0.5 * momentum_gain + size * (p - s) / 12.0)
+    return y + momentum_gain, learnt + size / 6.0 * (p2 + 2.0 * (q2 + r2) + s2), total

@@ -19,13 +19,13 @@ def carrier_inertia(inertia: Mat33, axes: Mat34, inertia_wheel: Vec4) -> Mat33:
 
     J_r = J - sum J_s g g'.
     """
-    reduced = list(inertia)
+    carrier = list(inertia)
     for i, j_s in enumerate(inertia_wheel):
         g = (axes[i], axes[4 + i], axes[8 + i])
         for row in range(3):
             for column in range(3):
-                reduced[3 * row + column] -= j_s * g[row] * g[column]
-    return tuple(reduced)  # type: ignore[return-value]
+                carrier[3 * row + column] -= j_s * g[row] * g[column]
+    return tuple(carrier)  # type: ignore[return-value]
 
 
 def check_inertia(inertia: Mat33) -> None:

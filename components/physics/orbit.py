@@ -169,13 +169,13 @@ def j2_drift(
     section 9.6.
     """
     n = mean_motion(semi_major_axis, mu)
-    squared = 1.0 - eccentricity * eccentricity
+    one_minus_e2 = 1.0 - eccentricity * eccentricity
     c = cos(inclination)
-    k = 0.75 * n * J2 * (EARTH_RADIUS / (semi_major_axis * squared)) ** 2
+    k = 0.75 * n * J2 * (EARTH_RADIUS / (semi_major_axis * one_minus_e2)) ** 2
     return Drift(
         raan=-2.0 * k * c,
         argument_of_perigee=k * (5.0 * c * c - 1.0),
-        mean_anomaly=k * sqrt(squared) * (3.0 * c * c - 1.0),
+        mean_anomaly=k * sqrt(one_minus_e2) * (3.0 * c * c - 1.0),
     )
 
 
@@ -285,7 +285,7 @@ def state_from_elements(elements: Elements, mu: float = MU) -> tuple[Vec3, Vec3]
     return ellipse_state(a, e, anomaly, mean_motion(a, mu), p, q)
 
 
-def turned(elements: Elements, c: Mat33) -> Elements:
+def rotate_elements(elements: Elements, c: Mat33) -> Elements:
     """Transform the elements of an ellipse to another frame, v_other = c v."""
     p, q = perifocal_axes(
         elements.inclination, elements.raan, elements.argument_of_perigee

@@ -45,7 +45,7 @@ def peak(x: Ramp) -> float:
     return sqrt(ax * ax + ay * ay + az * az) + sqrt(bx * bx + by * by + bz * bz)
 
 
-def gathered(start: Vec3, x: Ramp, dt: float) -> Quadratic:
+def integrate_ramp(start: Vec3, x: Ramp, dt: float) -> Quadratic:
     """Integrate a ramp over the step dt (s), beginning at `start`."""
     (ax, ay, az), (bx, by, bz) = x
     half = 0.5 * dt

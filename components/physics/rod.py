@@ -45,22 +45,22 @@ def half_width(k: int, limit: float) -> float:
     return (k + 0.5) * limit / PLAYS
 
 
-def moved(plays: Plays, x: float, limit: float) -> Plays:
+def move_plays(plays: Plays, x: float, limit: float) -> Plays:
     """Update the plays after the current has changed monotonically to x (A m2)."""
     a, b, c, d, e, f, g, h = plays
     return (
-        _moved(a, x, half_width(0, limit)),
-        _moved(b, x, half_width(1, limit)),
-        _moved(c, x, half_width(2, limit)),
-        _moved(d, x, half_width(3, limit)),
-        _moved(e, x, half_width(4, limit)),
-        _moved(f, x, half_width(5, limit)),
-        _moved(g, x, half_width(6, limit)),
-        _moved(h, x, half_width(7, limit)),
+        _move_play(a, x, half_width(0, limit)),
+        _move_play(b, x, half_width(1, limit)),
+        _move_play(c, x, half_width(2, limit)),
+        _move_play(d, x, half_width(3, limit)),
+        _move_play(e, x, half_width(4, limit)),
+        _move_play(f, x, half_width(5, limit)),
+        _move_play(g, x, half_width(6, limit)),
+        _move_play(h, x, half_width(7, limit)),
     )
 
 
-def _moved(p: float, x: float, r: float) -> float:
+def _move_play(p: float, x: float, r: float) -> float:
     """Update one play of half width r: limit p to x +- r."""
     return min(max(p, x - r), x + r)
 
@@ -108,9 +108,9 @@ def over(
     The current starts at x (A m2) and has the time constant lag (s); 0: it takes its
     final value at once. The result is exact: the time is divided where a play joins.
     """
-    plays = moved(plays, x, limit)
+    plays = move_plays(plays, x, limit)
     if lag <= 0.0:
-        plays = moved(plays, towards, limit)
+        plays = move_plays(plays, towards, limit)
         m = dipole(towards, plays, remanence)
         return (m, 0.0, m * m, towards * towards, towards), plays
     mean = slope = square = heat = begin = 0.0
@@ -133,7 +133,7 @@ def over(
         )
         heat += length * x_square
         x, begin = after, end
-        plays = moved(plays, x, limit)
+        plays = move_plays(plays, x, limit)
         if begin >= time:
             break
     return (mean, slope, square, heat, x), plays

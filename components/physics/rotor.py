@@ -72,17 +72,17 @@ def step(
     """
     j, viscous, coulomb, stiction = motor[0], motor[2], motor[3], motor[6]
     # `_may_pass`, written out because most steps end here
-    gained = max(abs(rotor[1]), abs(command)) * dt / j + abs(rate1 - rate0)
-    if stiction == 0.0 and abs(rotor[0] / j - rate0) + gained <= fastest:
+    speed_change = max(abs(rotor[1]), abs(command)) * dt / j + abs(rate1 - rate0)
+    if stiction == 0.0 and abs(rotor[0] / j - rate0) + speed_change <= fastest:
         if viscous == coulomb == 0.0:
             return _frictionless(motor, rotor, command, dt)
         return _free(motor, rotor, command, (rate0, (rate1 - rate0) / dt), dt)
     change, rest, total = (rate1 - rate0) / dt, dt, 0.0
     for _ in range(CHANGES):
         axial = rate1 - change * rest, change
-        rotor, lasted, integral = _state(motor, rotor, command, axial, rest, fastest)
+        rotor, duration, integral = _state(motor, rotor, command, axial, rest, fastest)
         total += integral
-        rest -= lasted
+        rest -= duration
         if rest <= 0.0:
             return rotor, total
     rotor, integral = _free(
@@ -101,8 +101,8 @@ def _may_pass(
     fastest: float,
 ) -> bool:
     """Return whether the motor may take the rotor beyond its limit within dt (s)."""
-    gained = max(abs(rotor[1]), abs(command)) * dt / motor[0] + abs(rate1 - rate0)
-    return abs(rotor[0] / motor[0] - rate0) + gained > fastest
+    speed_change = max(abs(rotor[1]), abs(command)) * dt / motor[0] + abs(rate1 - rate0)
+    return abs(rotor[0] / motor[0] - rate0) + speed_change > fastest
 
 
 def _state(
@@ -167,11 +167,11 @@ def _standing(
     j, stiction = motor[0], motor[6]
     h0, torque, _, _ = rotor
     level = j * axial[1] + copysign(stiction, command - torque)
-    lasted = min(_reaches(motor, torque, command, level), dt)
-    way = copysign(1.0, command - torque) if lasted < dt else 0.0
-    h = j * (axial[0] + axial[1] * lasted)
-    after = motor_torque(motor, torque, command, lasted)
-    return (h, after, 0.0, way), lasted, 0.5 * lasted * (h0 + h)
+    duration = min(_reaches(motor, torque, command, level), dt)
+    way = copysign(1.0, command - torque) if duration < dt else 0.0
+    h = j * (axial[0] + axial[1] * duration)
+    after = motor_torque(motor, torque, command, duration)
+    return (h, after, 0.0, way), duration, 0.5 * duration * (h0 + h)
 
 
 def at_limit(
@@ -188,10 +188,10 @@ def at_limit(
     `balance` in N m. The compensating loop rests. Results as of `_moving`.
     """
     h0, torque, learnt, way = rotor
-    lasted = min(_reaches(motor, torque, command, balance), dt)
-    h = motor[0] * (omega + axial[0] + axial[1] * lasted)
-    after = motor_torque(motor, torque, command, lasted)
-    return (h, after, learnt, way), lasted, 0.5 * lasted * (h0 + h)
+    duration = min(_reaches(motor, torque, command, balance), dt)
+    h = motor[0] * (omega + axial[0] + axial[1] * duration)
+    after = motor_torque(motor, torque, command, duration)
+    return (h, after, learnt, way), duration, 0.5 * duration * (h0 + h)
 
 
 def braking(
@@ -208,10 +208,10 @@ def braking(
     outwards = copysign(1.0, omega)
     # deceleration relative to the body, rad/s2
     falls = torque_limit / j + outwards * axial[1]
-    lasted = min((abs(omega) - fastest) / falls, dt) if falls > 0.0 else dt
-    h = h0 - outwards * torque_limit * lasted
-    after = motor_torque(motor, torque, command, lasted)
-    return (h, after, learnt, way), lasted, 0.5 * lasted * (h0 + h)
+    duration = min((abs(omega) - fastest) / falls, dt) if falls > 0.0 else dt
+    h = h0 - outwards * torque_limit * duration
+    after = motor_torque(motor, torque, command, duration)
+    return (h, after, learnt, way), duration, 0.5 * duration * (h0 + h)
 
 
 # --- moving ---------------------------------------------------------------------------
@@ -257,10 +257,10 @@ def _moving(
         now = rate + change * i * part, change
         after, integral = _part(motor, rotor, command, now, part)
         if _has_ended(motor, after, now, part, fastest):
-            after, lasted, integral = _to_its_end(
+            after, duration, integral = _to_its_end(
                 motor, rotor, command, now, part, fastest
             )
-            return after, i * part + lasted, total + integral
+            return after, i * part + duration, total + integral
         rotor, total = after, total + integral
     return rotor, dt, total
 
@@ -287,9 +287,9 @@ def _to_its_end(
     The end is found by bisection; the speed is then exact. Results as of `_moving`.
     """
     j, (rate, change) = motor[0], axial
-    before, lasted = 0.0, dt
+    before, duration = 0.0, dt
     for _ in range(HALVINGS):
-        middle = 0.5 * (before + lasted)
+        middle = 0.5 * (before + duration)
         if _has_ended(
             motor,
             _part(motor, rotor, command, axial, middle)[0],
@@ -297,17 +297,17 @@ def _to_its_end(
             middle,
             fastest,
         ):
-            lasted = middle
+            duration = middle
         else:
             before = middle
-    (h, torque, learnt, way), integral = _part(motor, rotor, command, axial, lasted)
-    rate += change * lasted
+    (h, torque, learnt, way), integral = _part(motor, rotor, command, axial, duration)
+    rate += change * duration
     omega = h / j - rate
     if motor[6] > 0.0 and omega * way < 0.0:
-        return (j * rate, torque, 0.0, 0.0), lasted, integral
+        return (j * rate, torque, 0.0, 0.0), duration, integral
     return (
         (j * (copysign(fastest, omega) + rate), torque, learnt, way),
-        lasted,
+        duration,
         integral,
     )
 
@@ -323,15 +323,19 @@ def _parts(
     (h, torque, learnt, way), rate = rotor, axial[0]
     decay = viscous / inertia  # of the speed by friction, 1/s
     parts = 0.0
-    gained = max(abs(torque), abs(command)) * dt / inertia
+    speed_change = max(abs(torque), abs(command)) * dt / inertia
     omega = h / inertia - rate
-    if coulomb > 0.0 and stiction == 0.0 and abs(omega) < 8.0 * omega_eps + gained:
+    if (
+        coulomb > 0.0
+        and stiction == 0.0
+        and abs(omega) < 8.0 * omega_eps + speed_change
+    ):
         # the sign of Coulomb friction may turn
         if compensation > 0.0:
             unknown = abs(_drag(motor, omega, way) - learnt)
-            parts = (gained + unknown * dt / inertia) / (CURVED * omega_eps)
+            parts = (speed_change + unknown * dt / inertia) / (CURVED * omega_eps)
         else:
-            parts = 2.0 * gained / omega_eps
+            parts = 2.0 * speed_change / omega_eps
         decay += coulomb / omega_eps / inertia
     if compensation <= 0.0:
         parts = max(parts, 10.0 * decay * dt)
@@ -359,13 +363,13 @@ def _part(
         return _frictionless(motor, rotor, command, dt)
     if compensation <= 0.0:
         return _with_friction(motor, rotor, command, axial, dt)
-    after, integral = _compensated(motor, rotor, command, axial, dt)
+    after, integral = _propagate_compensated(motor, rotor, command, axial, dt)
     # the motor's response and the learnt friction go one way each
     first = rotor[1] if lag > 0.0 else command
     most = max(first, after[1]) + max(rotor[2], after[2])
     least = min(first, after[1]) + min(rotor[2], after[2])
     if max(most, -least) > torque_limit * (1.0 + 1e-12):
-        return _clipped(motor, rotor, command, axial, dt)
+        return _propagate_limited(motor, rotor, command, axial, dt)
     return after, integral
 
 
@@ -381,11 +385,11 @@ def _frictionless(
     if lag > 0.0:
         mean, slope, end = lag_moments(dt / lag)
         excess = torque - command
-        gained, torque = dt * (command + excess * mean), command + excess * end
+        momentum_gain, torque = dt * (command + excess * mean), command + excess * end
         first = 0.5 * command + excess * (slope / 12.0 + 0.5 * mean)  # int_0^1 s T ds
     else:
-        gained, torque, first = dt * command, command, 0.5 * command
-    h = h0 + gained
+        momentum_gain, torque, first = dt * command, command, 0.5 * command
+    h = h0 + momentum_gain
     return (h, torque, learnt, way), dt * (h - dt * first)
 
 
@@ -398,14 +402,14 @@ def driven(
     excess over the command as a momentum (N m s).
     """
     lag = motor[1]
-    pushed, torque, first = command * dt, command, 0.5 * command * dt * dt
+    motor_momentum, torque, first = command * dt, command, 0.5 * command * dt * dt
     excess = (torque0 - command) * lag
     if excess:
         decay = exp(-dt / lag)
-        pushed += excess * (1.0 - decay)
+        motor_momentum += excess * (1.0 - decay)
         torque += excess / lag * decay
         first += excess * (dt - lag * (1.0 - decay))
-    return pushed, first, torque, excess
+    return motor_momentum, first, torque, excess
 
 
 def _with_friction(
@@ -413,12 +417,12 @@ def _with_friction(
 ) -> tuple[Rotor, float]:
     """Propagate the rotor over dt (s): motor in closed form, friction by RK4."""
     h0, torque0, _, way = rotor
-    pushed, first, torque, excess = driven(motor, torque0, command, dt)
+    motor_momentum, first, torque, excess = driven(motor, torque0, command, dt)
     friction_loss, first_friction_loss = _friction_loss(
         motor, rotor, excess, command, axial, dt
     )
     return (
-        h0 + pushed - friction_loss,
+        h0 + motor_momentum - friction_loss,
         torque,
         0.0,
         way,
@@ -441,8 +445,10 @@ def _friction_loss(
         `friction_loss` is the momentum lost so far (N m s). The function is `_drag`, written out
         because it is called often.
         """
-        pushed = command * s + (excess * (1.0 - exp(-s / lag)) if excess else 0.0)
-        omega = (h0 + pushed - friction_loss) / j - rate - change * s
+        motor_momentum = command * s + (
+            excess * (1.0 - exp(-s / lag)) if excess else 0.0
+        )
+        omega = (h0 + motor_momentum - friction_loss) / j - rate - change * s
         return viscous * omega + coulomb * (
             way if stiction > 0.0 else tanh(omega / omega_eps)
         )
@@ -456,7 +462,7 @@ def _friction_loss(
     return friction_loss, dt * (0.5 * friction_loss + dt * (a - d) / 12.0)
 
 
-def _compensated(
+def _propagate_compensated(
     motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float
 ) -> tuple[Rotor, float]:
     """Propagate a rotor whose loop of bandwidth c (1/s) learns the friction.
@@ -466,36 +472,36 @@ def _compensated(
     """
     j, lag, viscous, coulomb, omega_eps, c, stiction, _ = motor
     (rate, change), (h0, torque0, learnt, way) = axial, rotor
-    pushed, first_pushed, torque, _ = driven(motor, torque0, command, dt)
+    motor_momentum, first_pushed, torque, _ = driven(motor, torque0, command, dt)
     omega = h0 / j - rate
     x0 = _drag(motor, omega, way) - learnt
     # what drives the speed without friction, N m s, and its integral, N m s2
-    gained = pushed - j * change * dt
+    momentum_gain = motor_momentum - j * change * dt
     first_gained = first_pushed - 0.5 * j * change * dt * dt
     slope = viscous
     if stiction == 0.0 and coulomb > 0.0:
-        turned = tanh(
-            (omega + 0.5 * (gained - x0 * dt / (1.0 + c * dt)) / j) / omega_eps
+        speed_sign = tanh(
+            (omega + 0.5 * (momentum_gain - x0 * dt / (1.0 + c * dt)) / j) / omega_eps
         )
-        slope += coulomb / omega_eps * (1.0 - turned * turned)
+        slope += coulomb / omega_eps * (1.0 - speed_sign * speed_sign)
     a = slope / j
     k = a + c
     rest = exp(-k * dt)
     x = x0 * rest + a * (command - j * change) * (1.0 - rest) / k
     if lag > 0.0:
-        x += a * (torque0 - command) * _lagged(lag, k, rest, dt)
+        x += a * (torque0 - command) * _integrate_lag(lag, k, rest, dt)
     # of the equation above, integrated once and twice
-    friction_loss = (x0 - x + a * gained) / k
+    friction_loss = (x0 - x + a * momentum_gain) / k
     first_loss = (x0 * dt - friction_loss + a * first_gained) / k
     return (
-        h0 + pushed - friction_loss,
+        h0 + motor_momentum - friction_loss,
         torque,
         learnt + c * friction_loss,
         way,
     ), h0 * dt + first_pushed - first_loss
 
 
-def _lagged(lag: float, k: float, rest: float, dt: float) -> float:
+def _integrate_lag(lag: float, k: float, rest: float, dt: float) -> float:
     """Compute int_0^dt exp(-k (dt - s)) exp(-s / lag) ds (s), with rest = exp(-k dt)."""
     difference = (k - 1.0 / lag) * dt
     if abs(difference) < 1e-4:
@@ -503,10 +509,10 @@ def _lagged(lag: float, k: float, rest: float, dt: float) -> float:
     return dt * (exp(-dt / lag) - rest) / difference
 
 
-def _clipped(
+def _propagate_limited(
     motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float
 ) -> tuple[Rotor, float]:
-    """Propagate as `_compensated`, with the drive limited: h and learnt by RK4."""
+    """Propagate as `_propagate_compensated`, with the drive limited: h and learnt by RK4."""
     j, lag, c, limit, (rate, change) = motor[0], motor[1], motor[5], motor[7], axial
     h, torque, learnt, way = rotor
     total = 0.0
@@ -527,8 +533,8 @@ def _clipped(
         b, b2 = changes(s + half, h + half * a, learnt + half * a2)
         d, d2 = changes(s + half, h + half * b, learnt + half * b2)
         e, e2 = changes(s + part, h + part * d, learnt + part * d2)
-        gained = part / 6.0 * (a + 2.0 * (b + d) + e)
-        total += part * (h + 0.5 * gained + part * (a - e) / 12.0)
-        h += gained
+        momentum_gain = part / 6.0 * (a + 2.0 * (b + d) + e)
+        total += part * (h + 0.5 * momentum_gain + part * (a - e) / 12.0)
+        h += momentum_gain
         learnt += part / 6.0 * (a2 + 2.0 * (b2 + d2) + e2)
     return (h, motor_torque(motor, torque, command, dt), learnt, way), total

@@ -115,10 +115,12 @@ def facing(plates: Plates, drives: tuple[Vec3, ...], sun: Vec3) -> Plates:
     The normal of each comes as near to the Sun's direction as it can. The axes are unit
     vectors; zero: fixed.
     """
-    return tuple(_turned(p, axis, sun) for p, axis in zip(plates, drives, strict=True))
+    return tuple(
+        _turn_plate(p, axis, sun) for p, axis in zip(plates, drives, strict=True)
+    )
 
 
-def _turned(plate: Plate, axis: Vec3, sun: Vec3) -> Plate:
+def _turn_plate(plate: Plate, axis: Vec3, sun: Vec3) -> Plate:
     """Turn one plate about its axis towards the Sun."""
     nx, ny, nz, area, cx, cy, cz, mx, my, mz, specular, diffuse = plate
     along = dot(axis, sun)

@@ -76,15 +76,15 @@ def _gram_inverse(gram: Mat33) -> Mat33:
 def wheel_torque(
     pinv: tuple[float, ...],
     axes: Mat34,
-    absorbed: Vec3,
+    absorbed_torque: Vec3,
     tau_body: Vec3,
     omega: Vec3,
     h: Vec4,
 ) -> Vec4:
     """Compute the torques on the rotors (N m) for a torque tau_body (N m) on the body.
 
-    h' = A^+ (absorbed - tau_body - omega x A h): the wheels take the external torque
-    `absorbed` and the gyroscopic torque of their own momentum (paper 004, eqs. 14-16,
+    h' = A^+ (absorbed_torque - tau_body - omega x A h): the wheels take the external torque
+    `absorbed_torque` and the gyroscopic torque of their own momentum (paper 004, eqs. 14-16,
     21).
     """
     hx, hy, hz = body_momentum(axes, h)
@@ -92,9 +92,9 @@ def wheel_torque(
     return to_wheels(
         pinv,
         (
-            absorbed[0] - tau_body[0] - (y * hz - z * hy),
-            absorbed[1] - tau_body[1] - (z * hx - x * hz),
-            absorbed[2] - tau_body[2] - (x * hy - y * hx),
+            absorbed_torque[0] - tau_body[0] - (y * hz - z * hy),
+            absorbed_torque[1] - tau_body[1] - (z * hx - x * hz),
+            absorbed_torque[2] - tau_body[2] - (x * hy - y * hx),
         ),
     )
 

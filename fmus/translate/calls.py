@@ -36,7 +36,7 @@ from .types import (
     join,
     most,
     safe,
-    shown,
+    type_text,
 )
 from .value import ATOM, COND, LESS, MUL, UNARY, Value, constant
 
@@ -96,14 +96,16 @@ class Iteration:
     source: Value | None = None
 
     @property
-    def fixed(self) -> int | None:
+    def constant_count(self) -> int | None:
         """Return the number of passes if it is constant, otherwise None."""
         return self.count.const if self.count.is_const else None
 
     @property
     def most(self) -> int | None:
         """Return the maximum number of passes, or None where it has no bound."""
-        return self.fixed if self.fixed is not None else self.count.high
+        return (
+            self.constant_count if self.constant_count is not None else self.count.high
+        )
 
 
 #: Library functions that are refused: what the message calls them, and a replacement.
@@ -125,6 +127,7 @@ class Calls(Expressions):
     """Translation of a function's calls to C."""
 
     def _call(self, node: ast.Call) -> Value:
+        """Translate a call of a method, function, constructor or library function."""
         func = node.func
         if isinstance(func, ast.Attribute):
             if (
@@ -145,7 +148,7 @@ class Calls(Expressions):
                 (text,) = node.args
                 value = self.expression(text)
                 self.line(f"py_raise(PY_BLOCK_ERROR, {value.code});")
-                self.ended = True
+                self.flow_ended = True
                 return constant(None)  # type: ignore[return-value]
         if isinstance(func, ast.Name) and func.id == "getattr" and len(node.args) == 2:
             name = self.expression(node.args[1])
@@ -161,11 +164,11 @@ class Calls(Expressions):
             return self.call_function(node, target, node.args, node.keywords)
         if not isinstance(target.type, Known):
             raise self.refuse(
-                node, f"a call of {shown(target.type)}", "call a function"
+                node, f"a call of {type_text(target.type)}", "call a function"
             )
         return self.call_known(node, target.type.thing)
 
-    ended: bool
+    flow_ended: bool
 
     def super_call(self, node: ast.Call, name: str) -> Value:
         """Translate a call of a method of a base class through `super()`."""
@@ -173,7 +176,7 @@ class Calls(Expressions):
         after = order[order.index(self.spec.owner) + 1 :]
         for cls in after:
             if name in vars(cls):
-                callee = Callee(vars(cls)[name], bound=True)
+                callee = Callee(vars(cls)[name], is_method=True)
                 return self.call_function(
                     node,
                     Value(Function((callee,)), "", again=True),
@@ -188,7 +191,7 @@ class Calls(Expressions):
         if func.attr == "encode" and base.type == S:
             return base
         if isinstance(base.type, (Tuple, List)) and func.attr in ("index", "count"):
-            x, searched = (
+            x, needle = (
                 self.temporary(base),
                 self.temporary(self.expression(node.args[0])),
             )
@@ -199,8 +202,8 @@ class Calls(Expressions):
             n = self.length(x)
             name, k = self.fresh(func.attr), self.fresh("k")
             first = "0" if func.attr == "count" else "-1"
-            x = x if x.parts is None else Value(x.type, self.placed(x), again=True)
-            same = self.compared(node, ast.Eq(), self.at(x, k), searched).code
+            x = x if x.parts is None else Value(x.type, self.place_table(x), again=True)
+            same = self.compare(node, ast.Eq(), self.at(x, k), needle).code
             self.line(f"int64_t {name} = {first};")
             if func.attr == "count":
                 self.line(
@@ -235,19 +238,23 @@ class Calls(Expressions):
         Where the value may be one of several functions, a C switch selects it.
         """
         callees = target.type.callees
-        values, named = self.arguments(node, args, keywords)
+        values, keyword_values = self.arguments(node, args, keywords)
         if len(callees) == 1:
-            return self.call_one(node, target, callees[0], values, named)
+            return self.call_one(node, target, callees[0], values, keyword_values)
         x = self.temporary(target)
         values = [self.temporary(v) for v in values]
-        named = {k: self.temporary(v) for k, v in named.items()}
+        keyword_values = {k: self.temporary(v) for k, v in keyword_values.items()}
         result: Type = NEVER
         cases = []
         for callee in callees:
             self.out, outer = [], self.out
             self.level += 2
             value = self.call_one(
-                node, Value(Function((callee,)), ""), callee, values, dict(named)
+                node,
+                Value(Function((callee,)), ""),
+                callee,
+                values,
+                dict(keyword_values),
             )
             cases.append((value, self.out))
             self.out = outer
@@ -280,9 +287,9 @@ class Calls(Expressions):
         makers: list[Any] = [a.value if isinstance(a, ast.Starred) else a for a in args]
         if any(k.arg is None for k in keywords):
             raise self.refuse(node, "** in a call", "name the arguments")
-        found = self.in_order([*makers, *(k.value for k in keywords)])
+        all_values = self.in_order([*makers, *(k.value for k in keywords)])
         values: list[Value] = []
-        for a, v in zip(args, found, strict=False):
+        for a, v in zip(args, all_values, strict=False):
             if isinstance(a, ast.Starred):
                 v = self.some(v)
                 if isinstance(v.type, List) and v.parts is None:
@@ -294,12 +301,12 @@ class Calls(Expressions):
                 )
             else:
                 values.append(v)
-        named = {
+        keyword_values = {
             k.arg: v
-            for k, v in zip(keywords, found[len(makers) :], strict=True)
+            for k, v in zip(keywords, all_values[len(makers) :], strict=True)
             if k.arg
         }
-        return values, named
+        return values, keyword_values
 
     def call_one(
         self,
@@ -307,7 +314,7 @@ class Calls(Expressions):
         target: Value,
         callee: Callee,
         values: list[Value],
-        named: dict[str, Value],
+        keyword_values: dict[str, Value],
     ) -> Value:
         """Call a single function that is known during translation."""
         program = self.program
@@ -315,25 +322,25 @@ class Calls(Expressions):
         memo = info.is_constant
         if memo is not None:
             return self.thing(memo, node)
-        arguments = self._complete_arguments(node, info, values, named)
+        arguments = self._complete_arguments(node, info, values, keyword_values)
         consts: list[Any] = []
         for k, argument in enumerate(arguments):
             v = self._typed_argument(node, info, k, argument)
             arguments[k] = v
             consts.append(v.const if v.is_const and info.wants_constant[k] else None)
         types = tuple(v.type for v in arguments)
-        spec = program.specialised(callee, types, tuple(consts), self)
-        self.reached |= spec.reached
+        spec = program.specialise(callee, types, tuple(consts), self)
+        self.reached_memos |= spec.reached_memos
         texts = []
         if spec.takes_self:
             texts.append("self")
-        if callee.captured:
+        if callee.captures:
             texts.append(address(self.temporary(target).code))
         for k, v in enumerate(arguments):
             if consts[k] is None and (v.code or not isinstance(v.type, Function)):
                 texts.append(self.argument(node, spec, k, v))
         code = f"{spec.name}({', '.join(texts)})"
-        if spec.result == NEVER and not spec.done:
+        if spec.result == NEVER and not spec.is_translated:
             raise UnknownYetError(
                 self.refuse(
                     node, f"the type of what {info.name} returns", "annotate it"
@@ -342,18 +349,22 @@ class Calls(Expressions):
         return self._call_result(spec, code)
 
     def _complete_arguments(
-        self, node: ast.AST, info: Info, values: list[Value], named: dict[str, Value]
+        self,
+        node: ast.AST,
+        info: Info,
+        values: list[Value],
+        keyword_values: dict[str, Value],
     ) -> list[Value]:
         """Return a value for each parameter: given by place, by name, or its default."""
         arguments: list[Value] = list(values)
         for name, default in info.parameters[len(values) :]:
-            if name in named:
-                arguments.append(named.pop(name))
-            elif default is not info.required:
+            if name in keyword_values:
+                arguments.append(keyword_values.pop(name))
+            elif default is not info.no_default:
                 arguments.append(self.thing(default, node))
             else:
                 raise self.refuse(node, f"{info.name} without {name}", "give it")
-        if named or len(arguments) != len(info.parameters):
+        if keyword_values or len(arguments) != len(info.parameters):
             raise self.refuse(
                 node, f"these arguments of {info.name}", "as it declares them"
             )
@@ -363,7 +374,7 @@ class Calls(Expressions):
         """Return argument `k` with the type that its parameter gets."""
         if isinstance(v.type, Maybe) and not info.optional[k]:
             v = self.some(v)
-        annotation = info.annotated[k]
+        annotation = info.annotated_types[k]
         if annotation is not None and v.type != annotation:
             v = self._annotated_argument(node, v, annotation)
         t = v.type
@@ -400,7 +411,7 @@ class Calls(Expressions):
             item = element(t)
             if item == F:
                 floats = Tuple((item,) * len(t.items))
-                return Value(floats, self.built(floats, v.parts))  # type: ignore[arg-type]
+                return Value(floats, self.compound_literal(floats, v.parts))  # type: ignore[arg-type]
         except JoinError:
             pass
         return v
@@ -409,7 +420,7 @@ class Calls(Expressions):
         """Write a call as a statement where needed, and return its result."""
         if spec.never_returns:
             self.line(f"{code};")
-            self.ended = True
+            self.flow_ended = True
             return constant(None)  # type: ignore[return-value]
         if spec.effects:
             self.effects = True
@@ -430,7 +441,7 @@ class Calls(Expressions):
 
     # number of calls of each function that remembers its last result
     kept_of: Counter[str]
-    reached: set[str]  # names of such functions that callees call
+    reached_memos: set[str]  # names of such functions that callees call
     effects: bool
 
     def argument(self, node: ast.AST, spec: Any, k: int, v: Value) -> str:
@@ -477,7 +488,7 @@ class Calls(Expressions):
             texts = [self.convert(self.some(v), F) for v in self.in_order(node.args)]
             return Value(F, f"{PLAIN[thing]}({', '.join(texts)})")
         if thing in ROUNDED:
-            return self.rounded(node, ROUNDED[thing])
+            return self.translate_rounding(node, ROUNDED[thing])
         if method and getattr(builtins, name, None) is thing:
             result: Value = method(node)
             return result
@@ -485,8 +496,8 @@ class Calls(Expressions):
 
     def _call_named_tuple(self, node: ast.Call, thing: Any) -> Value:
         """Translate the making of a named tuple; its float fields become floats."""
-        values, named = self.arguments(node, node.args, node.keywords)
-        values += [named[n] for n in thing._fields[len(values) :]]
+        values, keyword_values = self.arguments(node, node.args, node.keywords)
+        values += [keyword_values[n] for n in thing._fields[len(values) :]]
         kinds = typing.get_type_hints(thing)
         parts: list[Value] = []
         for name, v in zip(thing._fields, values, strict=True):
@@ -503,7 +514,7 @@ class Calls(Expressions):
         C has no radians and degrees, and isfinite, isnan and isinf return no bool there.
         """
         if thing in (bisect.bisect_right, bisect.bisect_left, bisect.bisect):
-            return self.bisected(
+            return self.translate_bisect(
                 node, "left" if thing is bisect.bisect_left else "right"
             )
         if thing in (math.radians, math.degrees):
@@ -538,7 +549,7 @@ class Calls(Expressions):
                 pass
         return Value(F, f"{name}({', '.join(self.convert(v, F) for v in values)})")
 
-    def rounded(self, node: ast.Call, name: str) -> Value:
+    def translate_rounding(self, node: ast.Call, name: str) -> Value:
         """Translate a rounding to an integer: floor, ceil, trunc, round or int."""
         if len(node.args) != 1:
             raise self.refuse(node, "rounding to digits", "round(x)")
@@ -546,7 +557,9 @@ class Calls(Expressions):
         if value.type in (I, B):
             return replace(value, type=I)
         if value.type != F:
-            raise self.refuse(node, f"an integer of {shown(value.type)}", "of a number")
+            raise self.refuse(
+                node, f"an integer of {type_text(value.type)}", "of a number"
+            )
         if value.is_const:
             try:
                 exact: Any = {
@@ -562,7 +575,7 @@ class Calls(Expressions):
             I, f"py_{name}({value.code})", as_float=f"py_{name}_f({value.code})"
         )
 
-    def bisected(self, node: ast.Call, side: str) -> Value:
+    def translate_bisect(self, node: ast.Call, side: str) -> Value:
         """Translate a binary search in a tuple of numbers."""
         table, x = self.in_order(node.args)
         table = self.some(table)
@@ -574,7 +587,7 @@ class Calls(Expressions):
                 raise self.refuse(node, "bisect in integers", "in floats")
             table = constant(tuple(map(float, table.const)))  # type: ignore[assignment]
         place = (
-            self.placed(table)
+            self.place_table(table)
             if table.parts is not None
             else self.temporary(table).code
         )
@@ -599,7 +612,7 @@ class Calls(Expressions):
                 if value.low is None or value.high is None
                 else max(-value.low, value.high),
             )
-        raise self.refuse(node, f"abs of {shown(value.type)}", "of a number")
+        raise self.refuse(node, f"abs of {type_text(value.type)}", "of a number")
 
     def call_float(self, node: ast.Call) -> Value:
         value = self.some(self.expression(node.args[0]))
@@ -615,7 +628,7 @@ class Calls(Expressions):
     def call_len(self, node: ast.Call) -> Value:
         value = self.some(self.expression(node.args[0]))
         if not isinstance(value.type, (Tuple, List)):
-            raise self.refuse(node, f"len of {shown(value.type)}", "of a tuple")
+            raise self.refuse(node, f"len of {type_text(value.type)}", "of a tuple")
         return self.length(value)
 
     def call_min(self, node: ast.Call) -> Value:
@@ -636,12 +649,21 @@ class Calls(Expressions):
         else:
             iteration = self.iteration(node.args[0])
         key = keywords.get("key")
-        if iteration.fixed is not None and iteration.fixed <= 16 and key is None:
-            if iteration.fixed == 0:
+        if (
+            iteration.constant_count is not None
+            and iteration.constant_count <= 16
+            and key is None
+        ):
+            if iteration.constant_count == 0:
                 return self.expression(keywords["default"])
-            items = [iteration.item(constant(k)) for k in range(iteration.fixed)]  # type: ignore[arg-type]
+            items = [
+                iteration.item(constant(k))  # type: ignore[arg-type]
+                for k in range(iteration.constant_count)
+            ]
             return self.largest(node, name, [self.some(v) for v in items])
-        return self.searched(node, name, sign, iteration, key, keywords.get("default"))
+        return self.search_extreme(
+            node, name, sign, iteration, key, keywords.get("default")
+        )
 
     def largest(self, node: ast.AST, name: str, values: Sequence[Value]) -> Value:
         """Return the minimum or maximum of values that are written out."""
@@ -652,7 +674,7 @@ class Calls(Expressions):
                 continue
             t = join(result.type, v.type)
             if t not in (F, I):
-                raise self.refuse(node, f"{name} of {shown(t)}", "of numbers")
+                raise self.refuse(node, f"{name} of {type_text(t)}", "of numbers")
             low = high = None
             if t == I:
                 pick: Any = min if name == "min" else max
@@ -671,7 +693,7 @@ class Calls(Expressions):
             result = Value(t, code, low=low, high=high)
         return result
 
-    def searched(
+    def search_extreme(
         self,
         node: ast.AST,
         name: str,
@@ -688,10 +710,10 @@ class Calls(Expressions):
         def body(item: Value) -> None:
             """Write the comparison of one element with the best so far."""
             x = self.temporary(self.some(item))
-            k = self.temporary(self.keyed(node, key, x))
+            k = self.temporary(self.apply_key(node, key, x))
             if probe and probe != [x.type, k.type]:
                 raise JoinError(
-                    f"{shown(probe[0])} and {shown(x.type)}, by {name} with a key"
+                    f"{type_text(probe[0])} and {type_text(x.type)}, by {name} with a key"
                 )
             probe[:] = [x.type, k.type]
             self.line(f"if (!{best}.some || {k.code} {sign} {value}) {{")
@@ -702,7 +724,7 @@ class Calls(Expressions):
             self.level -= 1
             self.line("}")
 
-        self.run(iteration, body)
+        self.write_loop(iteration, body)
         t = Maybe(probe[0])
         self.out.insert(
             mark, "    " * self.level + f"{self.program.names(probe[1])} {value} = 0;"
@@ -710,7 +732,7 @@ class Calls(Expressions):
         self.out.insert(
             mark, "    " * self.level + f"{self.program.names(t)} {best} = {{0}};"
         )
-        found = Value(probe[0], f"{best}.v", again=True)
+        best_value = Value(probe[0], f"{best}.v", again=True)
         if default is None:
             self.line(f"py_not_empty({best}.some);")
             if (
@@ -720,27 +742,29 @@ class Calls(Expressions):
             ):
                 start = iteration.start
                 if start.is_const:
-                    return found.bounded(start.const, start.const + iteration.most - 1)
-            return found
+                    return best_value.with_bounds(
+                        start.const, start.const + iteration.most - 1
+                    )
+            return best_value
         other = self.branch(default, set())
-        return self.choose(node, Value(B, f"{best}.some"), (found, []), other)
+        return self.choose(node, Value(B, f"{best}.some"), (best_value, []), other)
 
-    def keyed(self, node: ast.AST, key: ast.expr | None, x: Value) -> Value:
+    def apply_key(self, node: ast.AST, key: ast.expr | None, x: Value) -> Value:
         """Apply the key of min or max, or the function of map, to an element."""
         if key is None:
             return x
         if isinstance(key, ast.Lambda):
             (name,) = (a.arg for a in key.args.args)
-            before = self.bound.get(name)
-            self.bound[name] = x
+            before = self.bindings.get(name)
+            self.bindings[name] = x
             try:
                 return self.expression(key.body)
             finally:
-                del self.bound[name]
+                del self.bindings[name]
                 if before is not None:
-                    self.bound[name] = before
+                    self.bindings[name] = before
         if isinstance(key, ast.Attribute) and key.attr == "__getitem__":
-            return self.indexed(node, self.expression(key.value), x)
+            return self.index_tuple(node, self.expression(key.value), x)
         target = self.expression(key)
         if isinstance(target.type, Known) and target.type.thing is abs:
             return self.absolute(node, x)
@@ -760,11 +784,14 @@ class Calls(Expressions):
         sign, level = ("&&", 20) if is_all else ("||", 15)
         if not isinstance(argument, ast.GeneratorExp):
             iteration = self.iteration(argument)
-            if iteration.fixed is not None and iteration.fixed <= UNROLLED:
+            if (
+                iteration.constant_count is not None
+                and iteration.constant_count <= UNROLLED
+            ):
                 mark = len(self.out)
                 tests = [
                     self.truth(iteration.item(constant(k)), node)  # type: ignore[arg-type]
-                    for k in range(iteration.fixed)
+                    for k in range(iteration.constant_count)
                 ]
                 if len(self.out) == mark and not any(t.is_const for t in tests):
                     text = f" {sign} ".join(t.within(level + 1) for t in tests)
@@ -780,9 +807,9 @@ class Calls(Expressions):
 
         stop = name if is_all else f"!{name}"
         if isinstance(argument, ast.GeneratorExp):
-            self.comprehended(argument, body, stop)
+            self.write_comprehension(argument, body, stop)
         else:
-            self.run(iteration, body, stop)
+            self.write_loop(iteration, body, stop)
         return Value(B, name, again=True)
 
     def call_next(self, node: ast.Call) -> Value:
@@ -790,32 +817,32 @@ class Calls(Expressions):
         (argument,) = node.args
         if not isinstance(argument, ast.GeneratorExp):
             raise self.refuse(node, "next of this", "of a generator expression")
-        found = self.fresh("first")
+        first_name = self.fresh("first")
         mark = len(self.out)
         types: list[Type] = []
 
         def body(item: Value) -> None:
             """Write the C that keeps the first element."""
             if types and types != [item.type]:
-                raise JoinError(f"{shown(types[0])} and {shown(item.type)}")
+                raise JoinError(f"{type_text(types[0])} and {type_text(item.type)}")
             types[:] = [item.type]
-            self.line(f"{found}.some = true;")
-            self.line(f"{found}.v = {self.code(item)};")
+            self.line(f"{first_name}.some = true;")
+            self.line(f"{first_name}.v = {self.code(item)};")
 
-        self.comprehended(argument, body, f"!{found}.some")
+        self.write_comprehension(argument, body, f"!{first_name}.some")
         t = Maybe(types[0])
         self.out.insert(
-            mark, "    " * self.level + f"{self.program.names(t)} {found} = {{0}};"
+            mark, "    " * self.level + f"{self.program.names(t)} {first_name} = {{0}};"
         )
-        self.line(f"py_next({found}.some);")
-        return Value(types[0], f"{found}.v", again=True)
+        self.line(f"py_next({first_name}.some);")
+        return Value(types[0], f"{first_name}.v", again=True)
 
     def call_tuple(self, node: ast.Call) -> Value:
         if not node.args:
             return constant(())  # type: ignore[return-value]
         if isinstance(node.args[0], ast.GeneratorExp):
             return self.comprehension(node.args[0])
-        value = self.collected(self.iteration(node.args[0]), node.args[0])
+        value = self.collect_items(self.iteration(node.args[0]), node.args[0])
         return value
 
     def call_list(self, node: ast.Call) -> Value:
@@ -826,7 +853,7 @@ class Calls(Expressions):
         return value
 
     def call_zip(self, node: ast.Call) -> Value:
-        return self.collected(self.iteration(node), node)
+        return self.collect_items(self.iteration(node), node)
 
     call_enumerate = call_map = call_reversed = call_zip
 
@@ -835,19 +862,19 @@ class Calls(Expressions):
 
     # --- loops ------------------------------------------------------------------------
 
-    def collected(self, iteration: Iteration, node: ast.AST) -> Value:
+    def collect_items(self, iteration: Iteration, node: ast.AST) -> Value:
         """Return all items of a loop as a tuple."""
         source = iteration.source
         if source is not None:
             if source.parts is None and isinstance(source.type, Tuple):
                 return replace(source, type=Tuple(source.type.items))
             return source
-        if iteration.fixed is not None:
+        if iteration.constant_count is not None:
             return self.tuple_of(
-                [iteration.item(constant(k)) for k in range(iteration.fixed)]  # type: ignore[arg-type]
+                [iteration.item(constant(k)) for k in range(iteration.constant_count)]  # type: ignore[arg-type]
             )
-        return self.gathered(
-            node, lambda body: self.run(iteration, body), iteration.most
+        return self.gather_elements(
+            node, lambda body: self.write_loop(iteration, body), iteration.most
         )
 
     def iteration(self, node: ast.expr) -> Iteration:
@@ -874,7 +901,7 @@ class Calls(Expressions):
         if (
             isinstance(node, ast.Name)
             and node.id not in self.types
-            and node.id not in self.bound
+            and node.id not in self.bindings
         ):
             value = self.outside(node, node.id)
             if isinstance(value.type, Known):
@@ -890,7 +917,7 @@ class Calls(Expressions):
             return self.over_text(value)
         if not isinstance(value.type, (Tuple, List)):
             raise self.refuse(
-                node, f"a loop over {shown(value.type)}", "over tuples and ranges"
+                node, f"a loop over {type_text(value.type)}", "over tuples and ranges"
             )
         x = self.temporary(value)
         if isinstance(x.type, List) and x.parts is None:
@@ -900,7 +927,7 @@ class Calls(Expressions):
             return Iteration(constant(0), lambda k: x, source=x)  # type: ignore[arg-type]
         unroll = not x.type.uniform or _is_known(x.type.items[0])
         if x.parts is not None and not unroll and n > UNROLLED:
-            x = Value(x.type, self.placed(x), again=True)
+            x = Value(x.type, self.place_table(x), again=True)
         return Iteration(constant(n), lambda k: self.indexed_by(x, k), unroll, source=x)  # type: ignore[arg-type]
 
     def over_text(self, value: Value) -> Iteration:
@@ -976,18 +1003,18 @@ class Calls(Expressions):
             return None
         total = 0
         terms = _sum(self.linear(args[1]), self.linear(args[0]), -1)
-        found: dict[str, ast.expr] = {}
+        expression_of: dict[str, ast.expr] = {}
         for a in args[:2]:
             for e in ast.walk(a):
                 if isinstance(e, ast.expr):
-                    found[ast.dump(e)] = e
+                    expression_of[ast.dump(e)] = e
         for text, factor in terms.items():
             if not factor:
                 continue
             if not text:
                 total += factor
                 continue
-            value = self.quiet(found[text])
+            value = self.quiet(expression_of[text])
             edge = None if value is None else (value.high if factor > 0 else value.low)
             if edge is None:
                 return None
@@ -1020,8 +1047,8 @@ class Calls(Expressions):
         inner = self.iteration(node.args[0])
 
         def item(k: Value) -> Value:
-            if k.is_const and inner.fixed is not None:
-                return inner.item(constant(inner.fixed - 1 - k.const))  # type: ignore[arg-type]
+            if k.is_const and inner.constant_count is not None:
+                return inner.item(constant(inner.constant_count - 1 - k.const))  # type: ignore[arg-type]
             return inner.item(Value(I, f"{inner.count.code} - 1 - {k.code}", 70))
 
         return Iteration(inner.count, item, inner.unroll)
@@ -1033,7 +1060,7 @@ class Calls(Expressions):
         inner = self.iteration(argument)
         return Iteration(
             inner.count,
-            lambda k: self.keyed(node, function, inner.item(k)),
+            lambda k: self.apply_key(node, function, inner.item(k)),
             inner.unroll,
         )
 
@@ -1050,25 +1077,25 @@ class Calls(Expressions):
         if len(node.args) == 1 and isinstance(node.args[0], ast.Starred):
             return self.over_columns(node, node.args[0].value)
         inner = [self.iteration(a) for a in node.args]
-        fixed = {i.fixed for i in inner}
+        lengths = {i.constant_count for i in inner}
         count = inner[0].count
-        if len(fixed) > 1 or None in fixed:
+        if len(lengths) > 1 or None in lengths:
             if not strict:
                 raise self.refuse(
                     node, "zip of tuples of unknown length", "zip(..., strict=True)"
                 )
-            if None not in fixed:
+            if None not in lengths:
                 raise self.refuse(
                     node,
-                    f"zip of {sorted(n for n in fixed if n)} elements",
+                    f"zip of {sorted(n for n in lengths if n)} elements",
                     "of as many",
                 )
             for other in inner[1:]:
                 self.line(f"py_same_length({count.code}, {other.count.code});")
-            known = [i.count for i in inner if i.fixed is not None]
+            constant_counts = [i.count for i in inner if i.constant_count is not None]
             count = (
-                known[0]
-                if known
+                constant_counts[0]
+                if constant_counts
                 else min(
                     (i.count for i in inner),
                     key=lambda c: 1 << 60 if c.high is None else c.high,
@@ -1082,7 +1109,7 @@ class Calls(Expressions):
 
     def over_columns(self, node: ast.AST, argument: ast.expr) -> Iteration:
         """Return the passes over `zip(*rows)`: the columns."""
-        rows = self.temporary(self.collected(self.iteration(argument), argument))
+        rows = self.temporary(self.collect_items(self.iteration(argument), argument))
         if isinstance(rows.type, List) and rows.parts is None:
             item = rows.type.item
             if not isinstance(item, Tuple) or not item.uniform:
@@ -1114,7 +1141,7 @@ class Calls(Expressions):
             unroll=True,
         )
 
-    def run(
+    def write_loop(
         self,
         iteration: Iteration,
         body: Callable[[Value], None],
@@ -1122,8 +1149,10 @@ class Calls(Expressions):
         hint: str = "k",
     ) -> None:
         """Write a loop: its body once in a C loop, or once for each unrolled pass."""
-        if iteration.unroll or (iteration.fixed is not None and iteration.fixed <= 1):
-            for one in range(iteration.fixed or 0):
+        if iteration.unroll or (
+            iteration.constant_count is not None and iteration.constant_count <= 1
+        ):
+            for one in range(iteration.constant_count or 0):
                 if stop and one:
                     self.line(f"if ({stop}) {{")
                     self.level += 1
@@ -1148,7 +1177,7 @@ class Calls(Expressions):
         self.level -= 1
         self.line("}")
 
-    def comprehended(
+    def write_comprehension(
         self, node: Any, body: Callable[[Value], None], stop: str = ""
     ) -> None:
         """Write the loops of a comprehension around `body`, which gets its elements."""
@@ -1163,7 +1192,7 @@ class Calls(Expressions):
 
             def one(item: Value) -> None:
                 """Bind one item, write the conditions and the loops within."""
-                saved = dict(self.bound)
+                outer_bindings = dict(self.bindings)
                 self.bind(first.target, item, iteration.unroll)
                 for test in first.ifs:
                     self.line(f"if ({self.condition(test).code}) {{")
@@ -1172,27 +1201,27 @@ class Calls(Expressions):
                 for _ in first.ifs:
                     self.level -= 1
                     self.line("}")
-                self.bound = saved
+                self.bindings = outer_bindings
 
-            self.run(iteration, one, stop)
+            self.write_loop(iteration, one, stop)
 
         inner(node.generators)
 
-    def bind(self, target: ast.expr, item: Value, unrolled: bool) -> None:
+    def bind(self, target: ast.expr, item: Value, is_unrolled: bool) -> None:
         """Bind the names of a comprehension's target to their values."""
         if isinstance(target, ast.Name):
             if target.id == "_":
                 return
             if not item.again:
                 item = self.temporary(item, hint=safe(target.id))
-            self.bound[target.id] = item
+            self.bindings[target.id] = item
             return
         if isinstance(target, (ast.Tuple, ast.List)):
             if any(isinstance(e, ast.Starred) for e in target.elts):
                 raise self.refuse(target, "* in a target", "a name for each")
             parts = self.elements(item, len(target.elts), target)
             for t, part in zip(target.elts, parts, strict=True):
-                self.bind(t, part, unrolled)
+                self.bind(t, part, is_unrolled)
             return
         raise self.refuse(target, "this target", "names")
 
@@ -1201,7 +1230,7 @@ class Calls(Expressions):
         size: int | None = 1
         is_complete = True
         if len(node.generators) == 1 or all(not g.ifs for g in node.generators):
-            counts = self.counted(node)
+            counts = self.count_elements(node)
             is_complete = counts is not None and not any(g.ifs for g in node.generators)
             if (
                 is_complete
@@ -1209,44 +1238,49 @@ class Calls(Expressions):
                 and (counts[0] <= UNROLLED or counts[1])
             ):
                 parts: list[Value] = []
-                unrolled = Unrolled(self)
-                unrolled.collect(node, parts)
+                collector = Unrolled(self)
+                collector.collect(node, parts)
                 return self.tuple_of(parts)
             if counts is not None:
                 size = counts[0]
-        return self.gathered(
+        return self.gather_elements(
             node,
-            lambda body: self.comprehended(node, body),
+            lambda body: self.write_comprehension(node, body),
             size if is_complete else None,
             is_complete,
         )
 
     _generatorexp = _listcomp = comprehension
 
-    def counted(self, node: Any) -> tuple[int, bool] | None:
+    def count_elements(self, node: Any) -> tuple[int, bool] | None:
         """Count the elements of a comprehension without its conditions.
 
         The second value says whether it must be written out. None where the number is
         not known.
         """
-        outer, saved, level = self.out, dict(self.bound), self.level
+        outer, outer_bindings, level = self.out, dict(self.bindings), self.level
         counts = dict(self.counts)
         self.out = []
         try:
             total, unroll = 1, False
             for g in node.generators:
                 iteration = self.iteration(g.iter)
-                if iteration.fixed is None:
+                if iteration.constant_count is None:
                     return None
-                total *= iteration.fixed
+                total *= iteration.constant_count
                 unroll = unroll or iteration.unroll
-                if iteration.fixed:
+                if iteration.constant_count:
                     self.bind(g.target, iteration.item(constant(0)), True)  # type: ignore[arg-type]
             return total, unroll
         finally:
-            self.out, self.bound, self.level, self.counts = outer, saved, level, counts
+            self.out, self.bindings, self.level, self.counts = (
+                outer,
+                outer_bindings,
+                level,
+                counts,
+            )
 
-    def gathered(
+    def gather_elements(
         self,
         node: ast.AST,
         loops: Callable[[Callable[[Value], None]], None],
@@ -1276,14 +1310,16 @@ class Calls(Expressions):
             holes.append(len(self.out) - 1)
 
         passes = self._count_passes(loops, body)
-        found: Type = NEVER
+        item_type: Type = NEVER
         for t in types:
-            found = join(found, t)
-        limit = self._limit_length(node, size if is_complete else passes, found)
-        if holes and any(t != found for t in types):
+            item_type = join(item_type, t)
+        limit = self._limit_length(node, size if is_complete else passes, item_type)
+        if holes and any(t != item_type for t in types):
             raise self.refuse(node, "elements of different types", "keep to one type")
         is_tuple = bool(is_complete and size)
-        result: Type = Tuple((found,) * limit) if is_tuple else List(found, limit)
+        result: Type = (
+            Tuple((item_type,) * limit) if is_tuple else List(item_type, limit)
+        )
         text = self.program.names(result)
         place = f"{name}_n++" if is_tuple else f"py_room({name}.n++, {limit})"
         for hole in holes:
@@ -1303,10 +1339,10 @@ class Calls(Expressions):
     ) -> int | None:
         """Write loops around a body; return the maximum number of passes, if known."""
         limits: list[int | None] = [1]
-        # The class's own run: an enclosing `gathered` must not count these passes too.
-        before, plain = self.run, MethodType(type(self).run, self)
+        # The class's own run: an enclosing `gather_elements` must not count these passes too.
+        before, plain = self.write_loop, MethodType(type(self).write_loop, self)
 
-        def run(
+        def write_counted_loop(
             iteration: Iteration, inner: Any, stop: str = "", hint: str = "k"
         ) -> None:
             """Write a loop and multiply the limit of the length by its passes."""
@@ -1314,11 +1350,11 @@ class Calls(Expressions):
             limits[0] = None if top is None or limits[0] is None else limits[0] * top
             plain(iteration, inner, stop, hint)
 
-        self.run = run  # type: ignore[method-assign,assignment]
+        self.write_loop = write_counted_loop  # type: ignore[method-assign,assignment]
         try:
             loops(body)
         finally:
-            self.run = before  # type: ignore[method-assign]
+            self.write_loop = before  # type: ignore[method-assign]
         return limits[0]
 
     def _limit_length(self, node: ast.AST, limit: int | None, item: Type) -> int:
@@ -1385,11 +1421,11 @@ class Unrolled:
             return
         g = node.generators[depth]
         iteration = calls.iteration(g.iter)
-        for k in range(iteration.fixed or 0):
-            saved = dict(calls.bound)
+        for k in range(iteration.constant_count or 0):
+            outer_bindings = dict(calls.bindings)
             calls.bind(g.target, iteration.item(constant(k)), True)  # type: ignore[arg-type]
             self.collect(node, parts, depth + 1)
-            calls.bound = saved
+            calls.bindings = outer_bindings
 
 
 _ = (ATOM, LESS, U, NONE, UnknownYetError)

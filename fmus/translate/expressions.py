@@ -35,7 +35,7 @@ from .types import (
     element,
     join,
     most,
-    shown,
+    type_text,
 )
 from .value import (
     ADD,
@@ -161,21 +161,21 @@ class Expressions(ABC):
                     ):
                         continue
                     before = len(self.out)
-                    fixed = self.pinned(earlier, mark + shift)
+                    pinned_value = self.pin_earlier(earlier, mark + shift)
                     shift += len(self.out) - before
-                    values[k] = fixed
+                    values[k] = pinned_value
             values.append(value)
             marks.append(mark)
         return values
 
-    def pinned(self, value: Value, at: int) -> Value:
+    def pin_earlier(self, value: Value, at: int) -> Value:
         """Store the value in a temporary at an earlier place `at` of the output."""
         if value.parts is not None:
             parts = []
             for p in value.parts:
                 before = len(self.out)
                 parts.append(
-                    p if p.is_const or self.is_fixed(p) else self.pinned(p, at)
+                    p if p.is_const or self.is_fixed(p) else self.pin_earlier(p, at)
                 )
                 at += len(self.out) - before
             return replace(value, parts=tuple(parts))
@@ -186,10 +186,10 @@ class Expressions(ABC):
         if value.parts is not None:
             return all(p.is_const or self.is_fixed(p) for p in value.parts)
         root = re.match(r"\w+", value.code)
-        return root is not None and value.again and root[0] in self.fixed
+        return root is not None and value.again and root[0] in self.temporaries
 
     @property
-    def fixed(self) -> set[str]:
+    def temporaries(self) -> set[str]:
         """Return the names of all temporaries that the translation has made."""
         temporaries = {
             f"{h}_{k}" for h, n in self.counts.items() for k in range(1, n + 1)
@@ -205,10 +205,10 @@ class Expressions(ABC):
                 table: str | None = self.program.table(value.const, value.type)
                 if table:
                     return table
-            return self.built(value.type, value.parts)
+            return self.compound_literal(value.type, value.parts)
         return value.code
 
-    def built(self, t: Type, parts: Sequence[Value]) -> str:
+    def compound_literal(self, t: Type, parts: Sequence[Value]) -> str:
         """Return the C compound literal of a tuple or list with these parts."""
         name = self.program.names(t)
         if isinstance(t, List):
@@ -253,7 +253,7 @@ class Expressions(ABC):
             return f"({self.program.names(t)}){{{t.callees.index(v.callees[0])}}}"
         raise self.refuse(
             node or self.spec.node,
-            f"{shown(v)} where {shown(t)} is needed",
+            f"{type_text(v)} where {type_text(t)} is needed",
             "keep to one type",
         )
 
@@ -297,10 +297,10 @@ class Expressions(ABC):
             parts = self.elements(value, len(t.items), node)
             if isinstance(v, Tuple) and v.items == t.items:
                 return self.code(value)
-            return self.built(t, parts)
+            return self.compound_literal(t, parts)
         if isinstance(v, List):
             return self._copy_list(value, t, node)
-        return self.built(t, self.elements(value, most(v), node))
+        return self.compound_literal(t, self.elements(value, most(v), node))
 
     def _copy_list(self, value: Value, t: List, node: ast.AST | None) -> str:
         """Write a loop that converts each element; return the name of the copy."""
@@ -338,7 +338,7 @@ class Expressions(ABC):
             return list(value.parts)
         if not isinstance(t, (Tuple, List, Array)):
             raise self.refuse(
-                node or self.spec.node, f"{shown(t)} is taken apart", "a tuple"
+                node or self.spec.node, f"{type_text(t)} is taken apart", "a tuple"
             )
         if not isinstance(t, List) and most(t) != n:
             raise self.refuse(
@@ -395,7 +395,7 @@ class Expressions(ABC):
             return Value(B, f"{x.code}.n != 0", EQUAL)
         if isinstance(t, (Tuple, Function)):
             return constant(True)  # type: ignore[return-value]
-        raise self.refuse(node, f"{shown(t)} as a condition", "compare it")
+        raise self.refuse(node, f"{type_text(t)} as a condition", "compare it")
 
     # --- expressions ------------------------------------------------------------------
 
@@ -430,19 +430,19 @@ class Expressions(ABC):
     def _name(self, node: ast.Name) -> Value:
         """Return the value of a name: bound, local variable, or of the module."""
         name = node.id
-        if name in self.bound:
-            return self.bound[name]
+        if name in self.bindings:
+            return self.bindings[name]
         if name in self.types:
             t = self.types[name]
             value = Value(t, self.local(name), again=True)
             low, high = self.bounds.get(name, (None, None))
-            value = value.bounded(low, high)
+            value = value.with_bounds(low, high)
             if isinstance(t, Maybe) and name in self.sure:
                 return Value(t.item, f"{value.code}.v", again=True)
             return value
         return self.outside(node, name)
 
-    bound: dict[str, Value]
+    bindings: dict[str, Value]
     types: dict[str, Type]
     bounds: dict[str, tuple[int | None, int | None]]
     sure: set[str]
@@ -481,6 +481,7 @@ class Expressions(ABC):
         )
 
     def _attribute(self, node: ast.Attribute) -> Value:
+        """Translate a field of self, of a module or of a named tuple."""
         if self.is_self(node.value):
             return self.field(node)
         base = self.expression(node.value)
@@ -508,7 +509,7 @@ class Expressions(ABC):
             if t == NONE:
                 return constant(None)  # type: ignore[return-value]
             value = Value(t, f"self->{safe_field(name)}", again=True)
-            value = value.bounded(*program.field_bounds.get(name, (None, None)))
+            value = value.with_bounds(*program.field_bounds.get(name, (None, None)))
             if isinstance(t, Maybe) and f"self.{name}" in self.sure:
                 return Value(t.item, f"{value.code}.v", again=True)
             return value
@@ -516,7 +517,7 @@ class Expressions(ABC):
             return Value(S, "self->instance", again=True)
         method = getattr(program.block, name, None)
         if isinstance(method, FunctionType):
-            return Value(Function((Callee(method, bound=True),)), "", again=True)
+            return Value(Function((Callee(method, is_method=True),)), "", again=True)
         raise UnknownYetError(
             self.refuse(node, f"self.{name} is never assigned", "assign it in start")
         )
@@ -529,7 +530,7 @@ class Expressions(ABC):
         values = self.in_order(makers)
         parts: list[Value] = []
         growing: list[tuple[Value, bool]] = []
-        fixed = True
+        has_constant_length = True
         for e, v in zip(node.elts, values, strict=True):
             if not isinstance(e, ast.Starred):
                 parts.append(v)
@@ -537,7 +538,7 @@ class Expressions(ABC):
                 continue
             v = self.some(v)
             if isinstance(v.type, List) and v.parts is None:
-                fixed = False
+                has_constant_length = False
                 growing.append((v, True))
             else:
                 inside = self.elements(
@@ -545,9 +546,9 @@ class Expressions(ABC):
                 )
                 parts += inside
                 growing += [(p, False) for p in inside]
-        if fixed:
+        if has_constant_length:
             return self.tuple_of(parts)
-        return self.concatenated(growing, node)
+        return self.concatenate(growing, node)
 
     def tuple_of(self, parts: Sequence[Value]) -> Value:
         """Return a tuple value of these parts; it is constant where all of them are."""
@@ -565,9 +566,7 @@ class Expressions(ABC):
             again=all(p.again for p in parts),
         )
 
-    def concatenated(
-        self, pieces: Sequence[tuple[Value, bool]], node: ast.AST
-    ) -> Value:
+    def concatenate(self, pieces: Sequence[tuple[Value, bool]], node: ast.AST) -> Value:
         """Join single values and tuples of run-time length to one tuple.
 
         Each piece is a value and whether it is a tuple to be spliced in.
@@ -612,6 +611,7 @@ class Expressions(ABC):
         )
 
     def _unaryop(self, node: ast.UnaryOp) -> Value:
+        """Translate `not` and the minus sign, with the bounds of an integer."""
         if isinstance(node.op, ast.Not):
             value = self.condition(node.operand)
             if value.is_const:
@@ -639,10 +639,11 @@ class Expressions(ABC):
                 as_float=floats,
             )
         raise self.refuse(
-            node, f"{type(node.op).__name__} of {shown(value.type)}", "not, or -"
+            node, f"{type(node.op).__name__} of {type_text(value.type)}", "not, or -"
         )
 
     def _binop(self, node: ast.BinOp) -> Value:
+        """Translate a binary operation; `& 2^64 - 1` makes a 64-bit mask."""
         if _is_literal(node):  # (1 << 64) - 1, a part of which has more than 64 bits
             with suppress(ArithmeticError, ValueError):
                 result = eval(ast.unparse(node))
@@ -652,14 +653,15 @@ class Expressions(ABC):
         if isinstance(node.op, ast.BitAnd):
             right = self.expression(node.right)
             if right.is_const and right.const == MASK:
-                return self.masked(node.left)
+                return self.translate_masked(node.left)
         a, b = self.in_order([node.left, node.right])
         return self.binary(node, type(node.op), self.some(a), self.some(b))
 
-    def masked(self, node: ast.expr) -> Value:
+    def translate_masked(self, node: ast.expr) -> Value:
         """Translate an integer expression modulo 2^64, as `& _MASK` requires."""
 
         def text(e: ast.expr) -> tuple[str, int]:
+            """Return the C of an operand modulo 2^64 and how tightly it binds."""
             if isinstance(e, ast.BinOp) and type(e.op) in ARITHMETIC:
                 sign, level = ARITHMETIC[type(e.op)]
             elif isinstance(e, ast.BinOp) and isinstance(e.op, ast.BitXor):
@@ -672,7 +674,7 @@ class Expressions(ABC):
                     if v.is_const:
                         return f"UINT64_C(0x{v.const & MASK:X})", ATOM
                     return f"(uint64_t){v.within(UNARY)}", UNARY
-                raise self.refuse(e, f"{shown(v.type)} & 2^64 - 1", "integers")
+                raise self.refuse(e, f"{type_text(v.type)} & 2^64 - 1", "integers")
             (a, binds), (b, tight) = text(e.left), text(e.right)
             a = a if binds >= level else f"({a})"
             b = b if tight > level else f"({b})"
@@ -686,15 +688,15 @@ class Expressions(ABC):
     ) -> Value:
         """Translate `a op b` for numbers, 64-bit masks and tuples."""
         if a.is_const and b.is_const:
-            folded = self.fold(op, a.const, b.const)
-            if folded is not None:
-                return folded
+            constant_result = self.fold(op, a.const, b.const)
+            if constant_result is not None:
+                return constant_result
         ta, tb = a.type, b.type
         if isinstance(ta, (Tuple, List, Array)) or isinstance(tb, (Tuple, List, Array)):
             return self.of_tuples(node, op, a, b)
         if not {ta, tb} <= {F, I, B, U}:
             raise self.refuse(
-                node, f"{op.__name__} of {shown(ta)} and {shown(tb)}", "numbers"
+                node, f"{op.__name__} of {type_text(ta)} and {type_text(tb)}", "numbers"
             )
         if U in (ta, tb):
             return self.of_masks(node, op, a, b)
@@ -882,10 +884,10 @@ class Expressions(ABC):
             return self.tuple_of(self.elements(x, n, node) * b.const)
         if op is ast.Add:
             pieces: list[tuple[Value, bool]] = []
-            fixed = True
+            has_constant_length = True
             for v in (a, b):
                 if isinstance(v.type, List) and v.parts is None:
-                    fixed = False
+                    has_constant_length = False
                     pieces.append((v, True))
                 elif (
                     isinstance(v.type, Tuple)
@@ -896,23 +898,24 @@ class Expressions(ABC):
                 else:
                     n = len(v.parts) if v.parts is not None else most(v.type)
                     pieces += [(p, False) for p in self.elements(v, n, node)]
-            if fixed:
+            if has_constant_length:
                 flat: list[Value] = []
                 for v, many in pieces:
                     flat += self.elements(v, most(v.type), node) if many else [v]
                 return self.tuple_of(flat)
-            return self.concatenated(pieces, node)
+            return self.concatenate(pieces, node)
         raise self.refuse(node, f"{op.__name__} of tuples", "+, or * by a constant")
 
     def _boolop(self, node: ast.BoolOp) -> Value:
+        """Translate `and` or `or`, operand by operand, with what each makes certain."""
         is_and = isinstance(node.op, ast.And)
-        saved = set(self.sure)
+        outer_sure = set(self.sure)
         result = self.expression(node.values[0])
         for previous, operand in zip(node.values, node.values[1:], strict=False):
             yes, no = self.certain(previous)
             self.sure |= yes if is_and else no
             result = self.either(node, is_and, result, operand)
-        self.sure = saved
+        self.sure = outer_sure
         return result
 
     def either(
@@ -938,7 +941,7 @@ class Expressions(ABC):
         if before.type == B and right.type == B and not inner:
             if right.is_const and bool(right.const) == is_and:
                 return before
-            return _joined(before, right, sign, level)
+            return _join_conditions(before, right, sign, level)
         if id(node) in self.conditions:
             first = self.truth(before, node)
             if not inner:
@@ -959,13 +962,13 @@ class Expressions(ABC):
             return Value(B, name, again=True)
         x = self.temporary(before)
         first = self.truth(x, node)
-        taken = x
+        left_value = x
         if isinstance(x.type, Maybe) and not is_and:
-            taken = Value(x.type.item, f"{x.code}.v", again=True)
+            left_value = Value(x.type.item, f"{x.code}.v", again=True)
         return (
-            self.choose(node, first, (right, inner), (taken, []))
+            self.choose(node, first, (right, inner), (left_value, []))
             if is_and
-            else self.choose(node, first, (taken, []), (right, inner))
+            else self.choose(node, first, (left_value, []), (right, inner))
         )
 
     conditions: set[int]  # ids of `and`/`or` expressions used only as a condition
@@ -1023,14 +1026,14 @@ class Expressions(ABC):
 
         `sure` are the names that are not None within the branch.
         """
-        saved = set(self.sure)
+        outer_sure = set(self.sure)
         self.sure |= sure
         self.out, outer = [], self.out
         self.level += 1
         value = self.expression(node)
         lines, self.out = self.out, outer
         self.level -= 1
-        self.sure = saved
+        self.sure = outer_sure
         return value, lines
 
     def _ifexp(self, node: ast.IfExp) -> Value:
@@ -1080,16 +1083,17 @@ class Expressions(ABC):
                 yes, no = self.certain(x)
                 return no, yes
             case ast.BoolOp(op=ast.And(), values=values):
-                found = [self.certain(v) for v in values]
-                return set().union(*(y for y, _ in found)), set()
+                sure_names = [self.certain(v) for v in values]
+                return set().union(*(y for y, _ in sure_names)), set()
             case ast.BoolOp(op=ast.Or(), values=values):
-                found = [self.certain(v) for v in values]
-                return set(), set().union(*(n for _, n in found))
+                sure_names = [self.certain(v) for v in values]
+                return set(), set().union(*(n for _, n in sure_names))
             case ast.Name() | ast.Attribute():
                 return {p} if (p := path(test)) else set(), set()
         return set(), set()
 
     def _compare(self, node: ast.Compare) -> Value:
+        """Translate a comparison; a chain becomes one C expression with &&."""
         values = self.in_order([node.left, node.comparators[0]])
         if len(node.ops) > 1:
             values[1] = self.temporary(values[1])
@@ -1104,7 +1108,7 @@ class Expressions(ABC):
                 )
         result: Value | None = None
         for op, a, b in zip(node.ops, values, values[1:], strict=False):
-            one = self.compared(node, op, a, b)
+            one = self.compare(node, op, a, b)
             if result is None or (result.is_const and result.const):
                 result = one
             elif result.is_const:
@@ -1116,12 +1120,12 @@ class Expressions(ABC):
         assert result is not None
         return result
 
-    def compared(self, node: ast.AST, op: ast.cmpop, a: Value, b: Value) -> Value:
+    def compare(self, node: ast.AST, op: ast.cmpop, a: Value, b: Value) -> Value:
         """Translate one comparison `a op b`."""
         if isinstance(op, (ast.Is, ast.IsNot)):
             return self._compare_with_none(node, op, a, b)
         if isinstance(op, (ast.In, ast.NotIn)):
-            return self.contained(node, op, a, b)
+            return self.translate_membership(node, op, a, b)
         a, b = self.some(a), self.some(b)
         sign = COMPARISONS[type(op)]
         if a.is_const and b.is_const:
@@ -1159,7 +1163,9 @@ class Expressions(ABC):
             raise self.refuse(node, "a 64-bit mask compared", "with another one")
         if not {a.type, b.type} <= {F, I, B, U}:
             raise self.refuse(
-                node, f"{sign} of {shown(a.type)} and {shown(b.type)}", "numbers"
+                node,
+                f"{sign} of {type_text(a.type)} and {type_text(b.type)}",
+                "numbers",
             )
         first, right = a.within(LESS + 1), b.within(LESS + 1)
         if F in (a.type, b.type):
@@ -1189,16 +1195,18 @@ class Expressions(ABC):
                 return Value(B, name, again=True)
             self.line(f"for (int64_t {k} = 0; {name} && {k} < {n.code}; {k}++)")
             p, q = self.at(x, k), self.at(y, k)
-            self.line(f"    {name} = {self.compared(node, ast.Eq(), p, q).code};")
+            self.line(f"    {name} = {self.compare(node, ast.Eq(), p, q).code};")
             return Value(B, name, again=True)
         if not isinstance(b.type, (Tuple, Array)):
-            raise self.refuse(node, f"== of a tuple and {shown(b.type)}", "two tuples")
+            raise self.refuse(
+                node, f"== of a tuple and {type_text(b.type)}", "two tuples"
+            )
         n, m = most(a.type), most(b.type)  # type: ignore[assignment]
         if n != m:
             return constant(False)  # type: ignore[return-value]
         x, y = self.temporary(a), self.temporary(b)
         pairs = zip(self.elements(x, n), self.elements(y, m), strict=True)  # type: ignore[arg-type]
-        texts = [self.compared(node, ast.Eq(), p, q).within(AND + 1) for p, q in pairs]
+        texts = [self.compare(node, ast.Eq(), p, q).within(AND + 1) for p, q in pairs]
         return Value(B, " && ".join(texts), AND if len(texts) > 1 else EQUAL)
 
     def at(self, x: Value, k: str) -> Value:
@@ -1207,10 +1215,10 @@ class Expressions(ABC):
         The code of the tuple may be repeated.
         """
         if x.parts is not None:
-            x = Value(x.type, self.placed(x), again=True)
+            x = Value(x.type, self.place_table(x), again=True)
         return Value(element(x.type), f"{x.code}.e[{k}]", again=True)
 
-    def placed(self, x: Value) -> str:
+    def place_table(self, x: Value) -> str:
         """Place a tuple in a C variable whose elements have one type.
 
         An index of run time can then select an element.
@@ -1225,7 +1233,9 @@ class Expressions(ABC):
         self.line(f"const {self.program.names(t)} {name} = {self.convert(x, t)};")
         return name
 
-    def contained(self, node: ast.AST, op: ast.cmpop, a: Value, b: Value) -> Value:
+    def translate_membership(
+        self, node: ast.AST, op: ast.cmpop, a: Value, b: Value
+    ) -> Value:
         """Translate `a in b` or `a not in b` for a tuple `b`."""
         x = self.temporary(a)
         if isinstance(b.type, Known):
@@ -1234,13 +1244,13 @@ class Expressions(ABC):
             y, name, k = self.temporary(b), self.fresh("found"), self.fresh("k")
             self.line(f"bool {name} = false;")
             self.line(f"for (int64_t {k} = 0; {k} < {y.code}.n; {k}++)")
-            same = self.compared(node, ast.Eq(), x, self.at(y, k))
+            same = self.compare(node, ast.Eq(), x, self.at(y, k))
             self.line(f"    {name} = {name} || {same.within(OR + 1)};")
             result = Value(B, name, again=True)
         else:
             n = len(b.parts) if b.parts is not None else most(b.type)
             texts = [
-                self.compared(node, ast.Eq(), x, y).within(OR + 1)
+                self.compare(node, ast.Eq(), x, y).within(OR + 1)
                 for y in self.elements(self.temporary(b), n, node)
             ]
             texts = [
@@ -1275,23 +1285,26 @@ class Expressions(ABC):
         return constant(most(value.type))  # type: ignore[return-value]
 
     def _subscript(self, node: ast.Subscript) -> Value:
+        """Translate an index into a tuple or list, or a slice of it."""
         value = self.some(self.expression(node.value))
         if isinstance(value.type, Known):
             raise self.refuse(node, "an index of this", "of a tuple")
         if not isinstance(value.type, (Tuple, List, Array)):
-            raise self.refuse(node, f"an index of {shown(value.type)}", "of a tuple")
+            raise self.refuse(
+                node, f"an index of {type_text(value.type)}", "of a tuple"
+            )
         if isinstance(node.slice, ast.Slice):
-            return self.sliced(node, value, node.slice)
+            return self.slice_tuple(node, value, node.slice)
         index = self.expression(node.slice)
-        return self.indexed(node, value, index)
+        return self.index_tuple(node, value, index)
 
-    def indexed(self, node: ast.AST, value: Value, index: Value) -> Value:
+    def index_tuple(self, node: ast.AST, value: Value, index: Value) -> Value:
         """Translate an index into a tuple, checked where it is a constant."""
         if index.type == B:
             index = replace(index, type=I, low=0, high=1)
         if index.type != I:
             raise self.refuse(
-                node, f"an index that is {shown(index.type)}", "an integer"
+                node, f"an index that is {type_text(index.type)}", "an integer"
             )
         n = len(value.parts) if value.parts is not None else most(value.type)
         if index.is_const and not (
@@ -1313,9 +1326,9 @@ class Expressions(ABC):
                 raise self.refuse(
                     node, f"an index into a tuple of {error}", "if and elif"
                 ) from None
-            code = self.placed(x)
+            code = self.place_table(x)
             x = Value(Tuple((item,) * n), code, again=True)
-        k = self.checked(index, self.length(x))
+        k = self.checked_index(index, self.length(x))
         item = element(x.type)
         if item == NEVER:
             raise self.refuse(
@@ -1323,7 +1336,7 @@ class Expressions(ABC):
             )
         return Value(item, f"{x.code}.e[{k}]", again=bool(re.fullmatch(r"\w+", k)))
 
-    def checked(self, index: Value, n: Value) -> str:
+    def checked_index(self, index: Value, n: Value) -> str:
         """Return the C of an index, with a check that it is within the tuple.
 
         As in Python, a negative index counts from the end. The check is left out where
@@ -1354,9 +1367,9 @@ class Expressions(ABC):
                     if set(p) <= {""}:
                         return {k: v * p.get("", 0) for k, v in q.items()}
         if isinstance(node, (ast.Constant, ast.Name, ast.Attribute)):
-            known = self.quiet(node)
-            if known is not None and known.is_const and isinstance(known.const, int):
-                return {"": known.const}
+            value = self.quiet(node)
+            if value is not None and value.is_const and isinstance(value.const, int):
+                return {"": value.const}
         return {ast.dump(node): 1}
 
     def quiet(self, node: ast.expr) -> Value | None:
@@ -1367,7 +1380,7 @@ class Expressions(ABC):
         finally:
             self.out = outer
 
-    def sliced(self, node: ast.AST, value: Value, s: ast.Slice) -> Value:
+    def slice_tuple(self, node: ast.AST, value: Value, s: ast.Slice) -> Value:
         """Translate a slice of a tuple, of constant length where that can be shown."""
         x = self.temporary(value)
         variable = isinstance(x.type, List) and x.parts is None
@@ -1391,7 +1404,9 @@ class Expressions(ABC):
             x = (
                 x
                 if x.parts is None and x.type.uniform
-                else Value(Tuple((element(x.type),) * n), self.placed(x), again=True)
+                else Value(
+                    Tuple((element(x.type),) * n), self.place_table(x), again=True
+                )
             )
         if step is not None and step.const != 1:
             if n is None or upper is not None or lower is None or n % step.const:
@@ -1401,7 +1416,9 @@ class Expressions(ABC):
             if lower.low is None or lower.low < 0:
                 # a negative start counts from the end in Python: the C refuses it
                 self.line(f"py_window({lower.code}, 1, {step.const});")
-            first = self.temporary(Value(I, self.checked(lower, constant(step.const))))  # type: ignore[arg-type]
+            first = self.temporary(
+                Value(I, self.checked_index(lower, constant(step.const)))  # type: ignore[arg-type]
+            )
             item = element(x.type)
             return self.tuple_of(
                 [
@@ -1528,15 +1545,15 @@ class Expressions(ABC):
         """Write the C that appends a number in the format `spec`."""
         if value.type not in (F, I):
             raise self.refuse(
-                node, f"the format {spec!r} of {shown(value.type)}", "of a number"
+                node, f"the format {spec!r} of {type_text(value.type)}", "of a number"
             )
-        found = re.fullmatch(r"(?:\.(\d+))?([gfe])", spec)
-        if not found:
+        match = re.fullmatch(r"(?:\.(\d+))?([gfe])", spec)
+        if not match:
             raise self.refuse(
                 node, f"the format {spec!r}", "g, f or e with a precision"
             )
         self.line(
-            f"py_text_format('{found[2]}', {found[1] or 6}, {self.convert(value, F)});"
+            f"py_text_format('{match[2]}', {match[1] or 6}, {self.convert(value, F)});"
         )
 
     def _write_tuple_text(self, node: ast.AST, value: Value, t: Tuple) -> None:
@@ -1561,7 +1578,7 @@ class Expressions(ABC):
             self.line('py_text("None");')
         else:
             raise self.refuse(
-                node, f"the text of {shown(t)}", "of numbers and tuples of them"
+                node, f"the text of {type_text(t)}", "of numbers and tuples of them"
             )
 
 
@@ -1576,7 +1593,7 @@ class UnknownYetError(Exception):
         self.reason = reason
 
 
-def _joined(a: Value, b: Value, sign: str, level: int) -> Value:
+def _join_conditions(a: Value, b: Value, sign: str, level: int) -> Value:
     """Join two conditions by && or ||.
 
     Where both operators are mixed, parentheses avoid a compiler warning.

@@ -11,7 +11,7 @@ from typing import Any
 
 from .calls import UNROLLED, Calls, Iteration, RangeOf
 from .expressions import Known, UnknownYetError, safe_field
-from .order import Order, reads, refused
+from .order import Order, find_refused, reads
 from .source import BY_ADDRESS, of_annotation, size
 from .types import (
     NEVER,
@@ -31,7 +31,7 @@ from .types import (
     join,
     most,
     safe,
-    shown,
+    type_text,
 )
 from .value import Value, constant
 
@@ -59,19 +59,26 @@ class Translation(Calls):
     """One pass over the body of a function."""
 
     def __init__(self, spec: Any, program: Any) -> None:
+        """Begin to translate a specialised function: bind parameters and captures.
+
+        Raises
+        ------
+        SubsetError
+            If the function has a construct that would behave differently in C.
+        """
         self.spec, self.program = spec, program
         self.out, self.level = [], 1
         self.counts = {}
         self.types = dict(spec.variables)
-        self.bound = {}
+        self.bindings = {}
         self.bounds = {}
-        self.kept_of, self.reached = Counter(), set()
+        self.kept_of, self.reached_memos = Counter(), set()
         self.sure = set()
         self.conditions = set()
-        self.ended = False
+        self.flow_ended = False
         self.effects = False
-        self.changed = False
-        self.declared: set[str] = set()
+        self.types_changed = False
+        self.declared_names: set[str] = set()
         self.tries = 0
         self.limits_needed: dict[str, int] = {}
         # number of enclosing try statements at the start of each enclosing loop
@@ -79,34 +86,36 @@ class Translation(Calls):
         self.commented_to = spec.node.lineno
         arguments = {name for name, _ in spec.arguments}
         self.order = Order(spec.node, program.block, spec.changed_in_place)
-        for finding in refused(self.order, spec.node, spec.changed_in_place, arguments):
+        for finding in find_refused(
+            self.order, spec.node, spec.changed_in_place, arguments
+        ):
             raise self.refuse(*finding)
         for (name, t), const in zip(spec.arguments, spec.consts, strict=True):
             if const is not None:
-                self.bound[name] = constant(const)  # type: ignore[assignment]
+                self.bindings[name] = constant(const)  # type: ignore[assignment]
             elif isinstance(t, Function):
                 code = "" if hidden(t) else self.local(name)
-                self.bound[name] = Value(t, code, again=True)
+                self.bindings[name] = Value(t, code, again=True)
             else:
                 self.types[name] = join(t, self.types.get(name, NEVER))
-                self.declared.add(name)
-        for name, t in spec.callee.captured:
+                self.declared_names.add(name)
+        for name, t in spec.callee.captures:
             if name == "self":
                 continue
             at = f"all->{safe(name)}"
             if (
                 isinstance(t, Function)
                 and len(t.callees) == 1
-                and not t.callees[0].captured
+                and not t.callees[0].captures
             ):
                 at = ""
-            self.bound[name] = Value(t, at, again=True)
+            self.bindings[name] = Value(t, at, again=True)
 
-    def widened(self) -> None:
+    def copy_widened_parameters(self) -> None:
         """Copy parameters that later get values of a wider type to variables."""
         for name, t in self.spec.arguments:
             final = self.spec.variables.get(name, t)
-            if final != t and name not in self.bound:
+            if final != t and name not in self.bindings:
                 argument = Value(t, f"{safe(name)}_given", again=True)
                 text = self.convert(argument, final)
                 self.line(f"{self.program.names(final)} {safe(name)} = {text};")
@@ -122,8 +131,8 @@ class Translation(Calls):
     def block(self, body: Sequence[ast.stmt]) -> bool:
         """Write statements; return True where the end cannot be reached."""
         for statement in body:
-            if self.ended:
-                self.ended = False
+            if self.flow_ended:
+                self.flow_ended = False
                 return True
             self.comments(statement)
             try:
@@ -132,8 +141,8 @@ class Translation(Calls):
                 raise self.refuse(
                     statement, str(error), "keep to one type; 1.0 is a float"
                 ) from None
-        ended, self.ended = self.ended, False
-        return ended
+        flow_ended, self.flow_ended = self.flow_ended, False
+        return flow_ended
 
     def comments(self, node: ast.stmt) -> None:
         """Copy the comments of the source up to a statement to the C."""
@@ -191,6 +200,7 @@ class Translation(Calls):
         self.assign(node.target, value)
 
     def do_assign(self, node: ast.Assign) -> None:
+        """Translate an assignment; the value of several targets is computed once."""
         (first, *_) = node.targets
         if isinstance(first, ast.Name) and first.id in self.limits_needed:
             self.most_wanted = self.limits_needed[first.id]
@@ -219,6 +229,7 @@ class Translation(Calls):
             self.assign(target, value)
 
     def do_augassign(self, node: ast.AugAssign) -> None:
+        """Translate `a op= b` as `a = a op b`; text is joined."""
         load = ast.copy_location(_load(node.target), node)
         if isinstance(node.target, ast.Name) and node.target.id in self.limits_needed:
             self.most_wanted = self.limits_needed[node.target.id]
@@ -228,13 +239,13 @@ class Translation(Calls):
             and node.target.id in self.types
             and (self.types[node.target.id] == S)
         ):
-            joined = ast.JoinedStr(
+            joined_text = ast.JoinedStr(
                 [
                     ast.FormattedValue(load, -1, None),
                     ast.FormattedValue(node.value, -1, None),
                 ]
             )
-            value = self.expression(ast.copy_location(joined, node))
+            value = self.expression(ast.copy_location(joined_text, node))
         else:
             value = self.expression(assignment)
         self.most_wanted = None
@@ -313,16 +324,16 @@ class Translation(Calls):
             self.evaluate(value)
             return
         self.sure.discard(name)
-        if name in self.bound:
-            if name in dict(self.spec.callee.captured):
+        if name in self.bindings:
+            if name in dict(self.spec.callee.captures):
                 raise self.refuse(
                     target,
                     f"{name} belongs to the function around",
                     "a name of its own",
                 )
-            del self.bound[name]
+            del self.bindings[name]
         if self._stands_for_value(target, value):
-            self.bound[name] = value
+            self.bindings[name] = value
             return
         t = self._widen_variable(target, value)
         if t in (NONE, NEVER):
@@ -365,7 +376,7 @@ class Translation(Calls):
                 target, f"{name} is an integer and then a 64-bit mask", "another name"
             )
         if t != self.spec.variables.get(name):
-            self.changed = True
+            self.types_changed = True
             self.spec.variables[name] = t
         self.types[name] = t
         return t
@@ -384,17 +395,17 @@ class Translation(Calls):
     def _write_assignment(self, target: ast.Name, final: Type, text: str) -> None:
         """Write an assignment in C, as a declaration where it is the first."""
         name = target.id
-        if name not in self.declared:
+        if name not in self.declared_names:
             inline_names = self.spec.inline.get(id(target), ())
             if self.level == 1 + self.tries or name in inline_names:
-                self.declared.add(name)
+                self.declared_names.add(name)
                 const = "const " if self.spec.stores[name] == 1 else ""
                 const = "" if name in self.spec.changed_in_place else const
                 names = self.program.names(final)
                 const = "" if names.startswith("const") else const
                 self.line(f"{const}{names} {safe(name)} = {text};")
                 return
-            self.spec.hoisted.add(name)
+            self.spec.hoisted_names.add(name)
         self.line(f"{self.local(name)} = {text};")
 
     def stays(self, name: str, value: Value) -> bool:
@@ -439,24 +450,24 @@ class Translation(Calls):
             raise self.refuse(
                 target, f"self.{name} keeps a function", "numbers and tuples"
             )
-        declared = program.declared.get(name)
-        if declared is None and _has(S, value.type):
+        declared_type = program.declared_types.get(name)
+        if declared_type is None and _has(S, value.type):
             raise self.refuse(
                 target, f"self.{name} keeps text", "a number; text is for messages"
             )
         old = program.fields.get(name, NEVER)
-        if declared is None:
+        if declared_type is None:
             t = self.join_with(
                 old, value.type, program.limits_needed.get(name), target, f"self.{name}"
             )
             if t != old:
                 program.fields[name] = t
-                program.changed = True
-                program.unsettled = f"self.{name}"
+                program.types_changed = True
+                program.unsettled_name = f"self.{name}"
             if (isinstance(t, List) and t.item == NEVER) or t in (NONE, NEVER):
                 return
         else:
-            t = declared
+            t = declared_type
         self.line(f"self->{safe_field(name)} = {self.convert(value, t, target)};")
 
     def store_element(self, target: ast.Subscript, value: Value) -> None:
@@ -477,9 +488,9 @@ class Translation(Calls):
         if wider != item:
             self.spec.variables[name] = Tuple((wider,) * n)
             self.types[name] = self.spec.variables[name]
-            self.changed = True
+            self.types_changed = True
         if not x.type.uniform:
-            self.changed = True
+            self.types_changed = True
             return
         if index.is_const:
             if not -n <= index.const < n:
@@ -488,14 +499,14 @@ class Translation(Calls):
                 )
             k = str(index.const % n)
         else:
-            k = self.checked(index, constant(n))  # type: ignore[arg-type]
+            k = self.checked_index(index, constant(n))  # type: ignore[arg-type]
         self.line(f"{x.code}.e[{k}] = {self.convert(value, wider, target)};")
 
     def do_return(self, node: ast.Return) -> None:
         """Translate a return, leaving each enclosing try."""
         value = constant(None) if node.value is None else self.expression(node.value)
         assert value is not None
-        if node.value is not None and self.ended:
+        if node.value is not None and self.flow_ended:
             return
         t = value.type
         if isinstance(t, Known):
@@ -503,7 +514,7 @@ class Translation(Calls):
                 raise self.refuse(node, "this is returned", "numbers and tuples")
             raise self.refuse(node, "a range is returned", "a tuple")
         self.spec.give(t, self, node)
-        self.ended = True
+        self.flow_ended = True
         if self.spec.result in (NONE, NEVER):
             if value.code and t not in (NONE, NEVER):
                 self.line(f"{value.code};")
@@ -542,7 +553,7 @@ class Translation(Calls):
             case ast.Call(func=ast.Name(id=name), args=[text]) if name in RAISES:
                 value = self.expression(text)
                 self.line(f"py_raise({RAISES[name]}, {value.code});")
-                self.ended = True
+                self.flow_ended = True
                 return
         raise self.refuse(
             node, "raise of this", "raise BlockError(text), or self.fail(text)"
@@ -553,10 +564,10 @@ class Translation(Calls):
         test = self.condition(node.test)
         yes, no = self.certain(node.test)
         if test.is_const:
-            self.ended = self.block(node.body if test.const else node.orelse)
+            self.flow_ended = self.block(node.body if test.const else node.orelse)
             return
         before = set(self.sure)
-        known = set(self.declared)
+        declared_before = set(self.declared_names)
         bounds = dict(self.bounds)
         self.line(f"if ({test.code}) {{")
         self.sure = before | yes
@@ -564,14 +575,16 @@ class Translation(Calls):
         first = self.block(node.body)
         self.level -= 1
         after_yes = set(self.sure)
-        self.declared = known | (self.declared & self.spec.top)
+        self.declared_names = declared_before | (self.declared_names & self.spec.top)
         self.sure = before | no
         if node.orelse:
             self.line("} else {")
             self.level += 1
             second = self.block(node.orelse)
             self.level -= 1
-            self.declared = known | (self.declared & self.spec.top)
+            self.declared_names = declared_before | (
+                self.declared_names & self.spec.top
+            )
         else:
             second = False
         self.line("}")
@@ -582,7 +595,7 @@ class Translation(Calls):
             if bounds.get(k) == v or self.spec.stores[k] == 1
         }
         self.sure = after_no if first else after_yes if second else after_yes & after_no
-        self.ended = first and second
+        self.flow_ended = first and second
 
     def do_while(self, node: ast.While) -> None:
         """Translate a while loop; statements of its test run before each pass."""
@@ -608,14 +621,14 @@ class Translation(Calls):
         before = set(self.sure)
         self.sure |= self.certain(node.test)[0]
         self.loops.append(self.tries)
-        known = set(self.declared)
+        declared_before = set(self.declared_names)
         self.block(node.body)
-        self.declared = known | (self.declared & self.spec.top)
+        self.declared_names = declared_before | (self.declared_names & self.spec.top)
         self.loops.pop()
         self.sure = before & self.sure
         self.level -= 1
         self.line("}")
-        self.ended = endless and not any(
+        self.flow_ended = endless and not any(
             isinstance(n, ast.Break) for n in _own_nodes(node.body)
         )
 
@@ -646,13 +659,16 @@ class Translation(Calls):
                 node, "break or continue over a mixed tuple", "over equal elements"
             )
         if iteration.unroll or (
-            iteration.fixed is not None and iteration.fixed <= 1 and not breaks and free
+            iteration.constant_count is not None
+            and iteration.constant_count <= 1
+            and not breaks
+            and free
         ):
-            for one in range(iteration.fixed or 0):
+            for one in range(iteration.constant_count or 0):
                 self.one_pass(node, iteration, constant(one), True)  # type: ignore[arg-type]
-                if self.ended:
+                if self.flow_ended:
                     break
-            self.ended = False
+            self.flow_ended = False
             return
         simple = (
             isinstance(node.target, ast.Name) and free and iteration.start is not None
@@ -668,7 +684,7 @@ class Translation(Calls):
             I, k, again=True, low=0, high=None if top is None else max(top - 1, 0)
         )
         self.one_pass(node, iteration, index, free)
-        self.ended = False
+        self.flow_ended = False
         self.level -= 1
         self.line("}")
 
@@ -713,9 +729,9 @@ class Translation(Calls):
             for n in ast.walk(node.target)
             if isinstance(n, ast.Name) and n.id != "_"
         ]
-        stored = _stored_names(node.body)
+        stored_names = _stored_names(node.body)
         return not any(
-            n in stored
+            n in stored_names
             or self.spec.used_after(node, n)
             or n in self.types
             or self.spec.outside_of(node, n)
@@ -748,40 +764,42 @@ class Translation(Calls):
             I, k, again=True, low=0, high=None if top is None else max(top - 1, 0)
         )
         bounds = iteration.item(first)
-        self.bound[name] = Value(I, k, again=True, low=bounds.low, high=bounds.high)
+        self.bindings[name] = Value(I, k, again=True, low=bounds.low, high=bounds.high)
         self.level += 1
         before = set(self.sure)
         self.loops.append(self.tries)
-        known = set(self.declared)
+        declared_before = set(self.declared_names)
         self.block(node.body)
-        self.declared = known | (self.declared & self.spec.top)
-        self.ended = False
+        self.declared_names = declared_before | (self.declared_names & self.spec.top)
+        self.flow_ended = False
         self.loops.pop()
         self.sure &= before
         self.level -= 1
-        self.bound.pop(name, None)
+        self.bindings.pop(name, None)
         self.line("}")
 
     def one_pass(
         self, node: ast.For, iteration: Iteration, k: Value, free: bool
     ) -> None:
         """Write the body of a loop, its target bound to the item of pass `k`."""
-        saved, sure = dict(self.bound), set(self.sure)
-        known = set(self.declared)
+        outer_bindings, sure = dict(self.bindings), set(self.sure)
+        declared_before = set(self.declared_names)
         item = iteration.item(k)
         if free:
             self.bind(node.target, item, True)
         else:
             self.assign(node.target, item)
         self.loops.append(self.tries)
-        self.ended = self.block(node.body)
+        self.flow_ended = self.block(node.body)
         self.loops.pop()
-        self.declared = known | (self.declared & self.spec.top)
+        self.declared_names = declared_before | (self.declared_names & self.spec.top)
         names = {n.id for n in ast.walk(node.target) if isinstance(n, ast.Name)}
-        self.bound = {
-            n: v for n, v in self.bound.items() if n in saved or n not in names
+        self.bindings = {
+            n: v
+            for n, v in self.bindings.items()
+            if n in outer_bindings or n not in names
         }
-        self.bound.update({n: v for n, v in saved.items() if n in names})
+        self.bindings.update({n: v for n, v in outer_bindings.items() if n in names})
         self.sure &= sure
 
     def do_break(self, node: ast.Break) -> None:
@@ -795,7 +813,7 @@ class Translation(Calls):
         for _ in range(self.tries - self.loops[-1]):
             self.line("py_end_try();")
         self.line(text)
-        self.ended = True
+        self.flow_ended = True
 
     def do_try(self, node: ast.Try) -> None:
         """Translate a try with one except that always raises or fails."""
@@ -816,11 +834,11 @@ class Translation(Calls):
         self.level += 1
         self.tries += 1
         sure = set(self.sure)
-        known = set(self.declared)
-        ended = self.block(node.body)
-        self.declared = known | (self.declared & self.spec.top)
+        declared_before = set(self.declared_names)
+        flow_ended = self.block(node.body)
+        self.declared_names = declared_before | (self.declared_names & self.spec.top)
         self.tries -= 1
-        if not ended:
+        if not flow_ended:
             self.line("py_end_try();")
         self.level -= 1
         self.line(f"}} else if (py_caught({' | '.join(masks)})) {{")
@@ -828,27 +846,27 @@ class Translation(Calls):
         self.sure = set(sure)
         if handler.name:
             self.line("const char *error = py_caught_text();")
-            self.bound[handler.name] = Value(S, "error", again=True)
+            self.bindings[handler.name] = Value(S, "error", again=True)
         over = self.block(handler.body)
         if not over:
             raise self.refuse(
                 handler, "an except that goes on", "one that raises or fails"
             )
         if handler.name:
-            del self.bound[handler.name]
+            del self.bindings[handler.name]
         self.level -= 1
         self.line("} else {")
         self.line("    py_raise_again();")
         self.line("}")
         self.sure &= sure
-        self.ended = ended
+        self.flow_ended = flow_ended
 
     def do_functiondef(self, node: ast.FunctionDef) -> None:
         """Translate a nested function to a struct of the variables it captures.
 
         The struct is filled where the function is defined.
         """
-        captured: list[tuple[str, Any]] = []
+        captures: list[tuple[str, Any]] = []
         parameters = {a.arg for a in node.args.args}
         parameters |= {
             n.id
@@ -865,10 +883,10 @@ class Translation(Calls):
         values = []
         for name in names:
             if name == "self":
-                captured.append(("self", "self"))
+                captures.append(("self", "self"))
                 values.append("self")
                 continue
-            if name not in self.types and name not in self.bound:
+            if name not in self.types and name not in self.bindings:
                 if name in self.spec.locals_names and name not in self.spec.globals:
                     raise self.refuse(
                         node,
@@ -896,21 +914,23 @@ class Translation(Calls):
                         f"{name} changes after {node.name}, which uses it",
                         "another name",
                     )
-            captured.append((name, value.type))
+            captures.append((name, value.type))
             values.append(self.code(value))
-        callee = Callee(self.program.nested(node, self.spec), captured=tuple(captured))
+        callee = Callee(
+            self.program.nested_function(node, self.spec), captures=tuple(captures)
+        )
         t = Function((callee,))
-        if captured:
+        if captures:
             name = f"{safe(node.name)}_of"
             text = ", ".join(
                 f".{'self' if x == 'self' else safe(n)} = {v}"
-                for v, (n, x) in zip(values, captured, strict=True)
+                for v, (n, x) in zip(values, captures, strict=True)
                 if v
             )
             self.line(f"const {self.program.names(t)} {name} = {{{text}}};")
-            self.bound[node.name] = Value(t, name, again=True)
+            self.bindings[node.name] = Value(t, name, again=True)
         else:
-            self.bound[node.name] = Value(t, "", again=True)
+            self.bindings[node.name] = Value(t, "", again=True)
 
 
 def optional(annotation: ast.expr, scope: dict[str, Any]) -> Type | None:
@@ -942,14 +962,14 @@ def _load(target: ast.expr) -> ast.expr:
 
 def _own_nodes(body: Sequence[ast.stmt]) -> list[ast.AST]:
     """Return all nodes of a loop's body except those of loops within it."""
-    found: list[ast.AST] = []
+    nodes: list[ast.AST] = []
     todo: list[ast.AST] = list(body)
     while todo:
         node = todo.pop()
-        found.append(node)
+        nodes.append(node)
         if not isinstance(node, (ast.For, ast.While, ast.FunctionDef)):
             todo += ast.iter_child_nodes(node)
-    return found
+    return nodes
 
 
 def _mentions(text: str, code: str) -> bool:
@@ -971,7 +991,7 @@ def _changes(node: ast.For, code: str) -> bool:
     """Return whether a loop's body may change the sequence it runs over."""
     if not code:
         return False
-    stored = {
+    stored_names = {
         n.id
         for s in node.body
         for n in ast.walk(s)
@@ -994,7 +1014,7 @@ def _changes(node: ast.For, code: str) -> bool:
         )
         return calls or any(f"self->{f}" in code for f in fields)
     root = re.match(r"\(?\*?(\w+)", code)
-    return root is not None and root[1] in stored
+    return root is not None and root[1] in stored_names
 
 
 def _has(kind: Any, t: Type) -> bool:
@@ -1011,4 +1031,4 @@ def _inside(node: ast.AST, other: ast.AST) -> bool:
     return any(n is other for n in ast.walk(node))
 
 
-_ = (UNROLLED, UnknownYetError, shown)
+_ = (UNROLLED, UnknownYetError, type_text)

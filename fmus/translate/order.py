@@ -1,7 +1,7 @@
 """Find what a part of a function changes: fields of self, names, list elements.
 
 Python evaluates in a fixed order, and a list may have two names. Where the C would
-behave differently, `refused` reports it before a function is translated.
+behave differently, `find_refused` reports it before a function is translated.
 """
 
 from __future__ import annotations
@@ -33,19 +33,21 @@ class Order:
 
     def changes(self, *nodes: ast.AST) -> set[str]:
         """Return the variables and fields that nodes assign, also through calls."""
-        found: set[str] = set()
+        paths: set[str] = set()
         for n in (n for node in nodes for n in _walk(node)):
             if isinstance(getattr(n, "ctx", None), ast.Store) and (path := _path(n)):
-                found.add(path)
+                paths.add(path)
             elif isinstance(n, ast.Call):
-                found |= self._called(n)
-        return found
+                paths |= self._changes_of_call(n)
+        return paths
 
     def calls_change(self, node: ast.AST) -> bool:
         """Return whether a function that the node calls changes anything."""
-        return any(self._called(n) for n in ast.walk(node) if isinstance(n, ast.Call))
+        return any(
+            self._changes_of_call(n) for n in ast.walk(node) if isinstance(n, ast.Call)
+        )
 
-    def _called(self, call: ast.Call) -> set[str]:
+    def _changes_of_call(self, call: ast.Call) -> set[str]:
         """Return the variables and fields that a call changes."""
         match call.func:
             case ast.Attribute(value=ast.Name(id="self"), attr=name):
@@ -55,14 +57,14 @@ class Order:
             case ast.Name(id=name) if name in self._within and name not in self._busy:
                 self._busy.add(name)
                 inside = self._within[name]
-                assigned = {
+                local_names = {
                     n.id
                     for n in ast.walk(inside)
                     if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
                 }
-                found = self.changes(*inside.body) - assigned
+                paths = self.changes(*inside.body) - local_names
                 self._busy.discard(name)
-                return found
+                return paths
             case ast.Name():
                 return {
                     a.id for a in call.args if isinstance(a, ast.Name)
@@ -71,15 +73,15 @@ class Order:
 
 
 def fields_changed(
-    block: type, name: str, seen: frozenset[str] = frozenset()
+    block: type, name: str, methods_visited: frozenset[str] = frozenset()
 ) -> set[str]:
     """Return the fields that a method assigns, also through methods it calls.
 
     They are given as `self.name`.
     """
-    found: set[str] = set()
-    if name in seen:
-        return found
+    fields: set[str] = set()
+    if name in methods_visited:
+        return fields
     for cls in block.__mro__:
         method = getattr(vars(cls).get(name), "__wrapped__", vars(cls).get(name))
         if not isinstance(method, FunctionType):
@@ -89,7 +91,7 @@ def fields_changed(
             if isinstance(getattr(n, "ctx", None), ast.Store) and _path(n).startswith(
                 "self."
             ):
-                found.add(_path(n))
+                fields.add(_path(n))
             match n:
                 case (
                     ast.Call(func=ast.Attribute(value=ast.Name(id="self"), attr=other))
@@ -99,23 +101,23 @@ def fields_changed(
                         )
                     )
                 ) if other != name:
-                    found |= fields_changed(block, other, seen | {name})
-    return found
+                    fields |= fields_changed(block, other, methods_visited | {name})
+    return fields
 
 
 def reads(node: ast.AST) -> set[str]:
     """Return the names and fields that an expression reads directly."""
-    found: set[str] = set()
+    paths: set[str] = set()
     for n in ast.walk(node):
         match n:
             case ast.Attribute(value=ast.Name(id="self"), attr=name):
-                found.add(f"self.{name}")
+                paths.add(f"self.{name}")
             case ast.Name(id=name) if name != "self":
-                found.add(name)
-    return found
+                paths.add(name)
+    return paths
 
 
-def refused(
+def find_refused(
     order: Order, node: ast.FunctionDef, lists: set[str], arguments: set[str]
 ) -> Iterator[tuple[ast.AST, str, str]]:
     """Yield each refused construct: its node, what it is, and a replacement.
@@ -156,7 +158,9 @@ def _refused_assignments(
             isinstance(t, ast.Subscript) for t in targets
         ):
             yield n, "an element among several targets", "an assignment for each"
-        case ast.Assign(targets=[ast.Attribute()], value=value) if _named(value, lists):
+        case ast.Assign(targets=[ast.Attribute()], value=value) if _is_name_of(
+            value, lists
+        ):
             yield n, "a second name for a list that changes", "list(...) copies it"
         case ast.Assign(targets=[ast.Name(id=name)], value=value) if name in lists:
             if not _creates_list(value):
@@ -167,17 +171,19 @@ def _creates_list(value: ast.expr) -> bool:
     """Return whether an expression assigned to a list makes no second name of one."""
     if isinstance(value, ast.Call):
         shares = any(isinstance(a, ast.Name) for a in value.args)
-        return _named(value.func, {"list"}) or not shares
+        return _is_name_of(value.func, {"list"}) or not shares
     return isinstance(value, (ast.List, ast.ListComp, ast.BinOp, ast.Name))
 
 
 def _refused_aliases(n: ast.AST, lists: set[str]) -> Iterator[tuple[ast.AST, str, str]]:
     """Yield an expression through which a list would be reached by a second name."""
     match n:
-        case ast.IfExp(body=a, orelse=b) if _named(a, lists) or _named(b, lists):
+        case ast.IfExp(body=a, orelse=b) if _is_name_of(a, lists) or _is_name_of(
+            b, lists
+        ):
             yield n, "a second name for a list that changes", "list(...) copies it"
         case ast.Tuple(elts=elements) | ast.List(elts=elements) if any(
-            _named(e, lists) and isinstance(e.ctx, ast.Load)  # type: ignore[attr-defined]
+            _is_name_of(e, lists) and isinstance(e.ctx, ast.Load)  # type: ignore[attr-defined]
             for e in elements
         ):
             yield n, "a list that changes, within another one", "tuple(...) copies it"
@@ -189,7 +195,8 @@ def _refused_calls(
     """Yield a call that gets a list together with an argument that changes it."""
     match n:
         case ast.Call(args=[_, _, *_] as args) if any(
-            _named(a, lists) and a.id in order.changes(*(b for b in args if b is not a))  # type: ignore[attr-defined]
+            _is_name_of(a, lists)
+            and a.id in order.changes(*(b for b in args if b is not a))  # type: ignore[attr-defined]
             for a in args
         ):
             yield (
@@ -231,13 +238,13 @@ def _refused_handlers(order: Order, n: ast.AST) -> Iterator[tuple[ast.AST, str, 
     """Yield each except clause that uses a variable assigned in its try."""
     if not isinstance(n, ast.Try):
         return
-    stored: set[str] = set()
+    stored_names: set[str] = set()
     for s in n.body:
-        stored |= {x for x in order.changes(s) if "." not in x}
+        stored_names |= {x for x in order.changes(s) if "." not in x}
     for h in n.handlers:
         used: set[str] = set()
         for s in h.body:
-            used |= stored & reads(s)
+            used |= stored_names & reads(s)
         if used:
             yield (
                 h,
@@ -283,7 +290,7 @@ def _path(node: ast.AST) -> str:
     return ""
 
 
-def _named(node: Any, names: set[str]) -> bool:
+def _is_name_of(node: Any, names: set[str]) -> bool:
     """Return whether a node is one of these names."""
     return isinstance(node, ast.Name) and node.id in names
 

@@ -80,9 +80,10 @@ class Program:
     """
 
     def __init__(self, block: type[Block]) -> None:
+        """Translate a block: declare its variables, then settle the types."""
         self.block = block
         self.file = Path(inspect.getfile(block)).resolve()
-        self.declared: dict[str, Type] = {}
+        self.declared_types: dict[str, Type] = {}
         self.field_bounds: dict[str, tuple[int | None, int | None]] = {}
         for v in block.variables:
             t: Type = KINDS[v.type]
@@ -94,48 +95,52 @@ class Program:
                 )
                 if v.causality == "output":
                     del self.field_bounds[v.name]
-            self.declared[v.name] = Tuple((t,) * v.size) if v.shape else t
-        self.fields: dict[str, Type] = dict(self.declared)
+            self.declared_types[v.name] = Tuple((t,) * v.size) if v.shape else t
+        self.fields: dict[str, Type] = dict(self.declared_types)
         self.limits_needed: dict[str, int] = {}
         self.memory: dict[Any, Spec] = {}
         self.infos: dict[Any, Info] = {}
-        self._nested: dict[Any, Nested] = {}
+        self._nested_functions: dict[Any, Nested] = {}
         self.tables: dict[int, tuple[Any, str, str]] = {}
         self.table_names: dict[int, str] = {}
         self._translate()
 
     # --- passes -----------------------------------------------------------------------
 
-    unsettled = ""
+    unsettled_name = ""
 
     def _translate(self) -> None:
         """Repeat passes over the block until types settle, or refuse it."""
         for _ in range(PASSES):
-            self.changed = False
+            self.types_changed = False
             self.names = Names()
             self.order: list[Spec] = []
             self.c_names: dict[str, int] = {}
             self.tables = {}
             self.later: UnknownYetError | None = None
             for spec in self.memory.values():
-                spec.done = spec.busy = False
+                spec.is_translated = spec.busy = False
             before = dict(self.fields)
             self.entries = [self._entry(name, types) for name, types in ENTRIES.items()]
-            if self.later is not None and not self.changed and before == self.fields:
+            if (
+                self.later is not None
+                and not self.types_changed
+                and before == self.fields
+            ):
                 raise self.later.reason
-            if not self.changed and self.later is None:
-                self._started()
+            if not self.types_changed and self.later is None:
+                self._check_start()
                 return
         raise SubsetError(
             f"{self.block.__name__}: the types of its variables do not settle: "
-            f"{self.unsettled}"
+            f"{self.unsettled_name}"
         )
 
-    def _started(self) -> None:
+    def _check_start(self) -> None:
         """Refuse a field that may be read before it is assigned; in C it would be 0."""
-        known = fields_changed(self.block, "start")
+        start_fields = fields_changed(self.block, "start")
         for name in self.fields:
-            if name not in self.declared and f"self.{name}" not in known:
+            if name not in self.declared_types and f"self.{name}" not in start_fields:
                 node = self.infos[self.block.start, True].node
                 place = self.infos[self.block.start, True].place
                 raise SubsetError(
@@ -145,13 +150,13 @@ class Program:
 
     def _entry(self, name: str, types: tuple[Type, ...]) -> Spec:
         """Specialise one of the block's entry methods for its argument types."""
-        callee = Callee(getattr(self.block, name), bound=True)
+        callee = Callee(getattr(self.block, name), is_method=True)
         try:
-            return self.specialised(callee, types, (None,) * len(types), None)
+            return self.specialise(callee, types, (None,) * len(types), None)
         except UnknownYetError:
             return self.memory[callee, types, ("None",) * len(types)]
 
-    def _shown(self, path: Path) -> str:
+    def _display_path(self, path: Path) -> str:
         """Return a file's name for messages and comments, or "".
 
         It is "" for a file that does not translate.
@@ -162,26 +167,30 @@ class Program:
 
     def info(self, callee: Callee) -> Info:
         """Return the declarations of a function."""
-        key = (callee.function, callee.bound)
+        key = (callee.function, callee.is_method)
         if key not in self.infos:
             function = getattr(callee.function, "__wrapped__", callee.function)
-            shown = ""
+            display_path = ""
             if not isinstance(function, Nested):
-                shown = self._shown(Path(function.__code__.co_filename).resolve())
-                if not shown:
+                display_path = self._display_path(
+                    Path(function.__code__.co_filename).resolve()
+                )
+                if not display_path:
                     raise SubsetError(
                         f"{self.block.__name__}: {function.__name__} of "
                         f"{function.__code__.co_filename}: functions of "
                         f"components/, or of {self.file.name}"
                     )
-            self.infos[key] = Info(callee, shown)
+            self.infos[key] = Info(callee, display_path)
         return self.infos[key]
 
-    def nested(self, node: ast.FunctionDef, spec: Spec) -> Nested:
+    def nested_function(self, node: ast.FunctionDef, spec: Spec) -> Nested:
         """Return a function within another one, the same object in every pass."""
-        return self._nested.setdefault((id(node), spec.key), Nested(node, spec))
+        return self._nested_functions.setdefault(
+            (id(node), spec.key), Nested(node, spec)
+        )
 
-    def specialised(
+    def specialise(
         self,
         callee: Callee,
         types: tuple[Type, ...],
@@ -196,7 +205,7 @@ class Program:
         key = (callee, types, tuple(map(repr, consts)))
         if key not in self.memory:
             owner = None
-            if callee.bound:
+            if callee.is_method:
                 owner = next(
                     c for c in self.block.__mro__ if callee.function in vars(c).values()
                 )
@@ -204,9 +213,9 @@ class Program:
         spec = self.memory[key]
         if spec.busy:
             spec.recursive = True
-            spec.effects = spec.effects or callee.bound
+            spec.effects = spec.effects or callee.is_method
             return spec
-        if not spec.done:
+        if not spec.is_translated:
             self._pass(spec)
         return spec
 
@@ -217,32 +226,32 @@ class Program:
         before = (spec.result, spec.effects)
         try:
             for _ in range(PASSES):
-                hoisted = set(spec.hoisted)
+                hoisted_names = set(spec.hoisted_names)
                 one = Translation(spec, self)
-                one.declared |= spec.hoisted
-                one.widened()
-                ended = one.block(spec.node.body)
+                one.declared_names |= spec.hoisted_names
+                one.copy_widened_parameters()
+                flow_ended = one.block(spec.node.body)
                 spec.effects = (
                     spec.effects
                     or one.effects
                     or bool(spec.changed_in_place & {n for n, _ in spec.arguments})
                 )
-                if not ended:
+                if not flow_ended:
                     spec.give(NONE, one, spec.node)
-                if not one.changed and hoisted == spec.hoisted:
+                if not one.types_changed and hoisted_names == spec.hoisted_names:
                     break
             for name, calls in one.kept_of.items():
-                if calls > 1 or name in one.reached:
+                if calls > 1 or name in one.reached_memos:
                     construct = (
                         f"{name} is called again, which keeps but its last result"
                     )
                     raise one.refuse(
                         spec.node, construct, "a function of its own for each call"
                     )
-            spec.reached = one.reached | set(one.kept_of)
-            spec.done = True
+            spec.reached_memos = one.reached_memos | set(one.kept_of)
+            spec.is_translated = True
             spec.lines = one.out
-            spec.end_reached = not ended
+            spec.end_reached = not flow_ended
             self.order.append(spec)
         except UnknownYetError as later:
             self.later = self.later or later
@@ -255,8 +264,8 @@ class Program:
         finally:
             spec.busy = False
         if before != (spec.result, spec.effects):
-            self.unsettled = f"what {spec.info.name} returns"
-            self.changed = True
+            self.unsettled_name = f"what {spec.info.name} returns"
+            self.types_changed = True
 
     def _name(self, spec: Spec) -> str:
         """Choose a unique C name for a function."""
@@ -278,9 +287,9 @@ class Program:
         )
         for x in (thing, *typing.get_args(thing)):
             if typing.get_origin(x) is typing.Annotated:
-                found = [m for m in x.__metadata__ if isinstance(m, int)]
-                if found:
-                    return found[0]
+                limits = [m for m in x.__metadata__ if isinstance(m, int)]
+                if limits:
+                    return limits[0]
         return None
 
     # --- tables -----------------------------------------------------------------------
@@ -292,10 +301,10 @@ class Program:
         key = id(const)
         if key not in self.tables:
             name = PREFIX + self.table_names.get(key, "table")
-            taken = {n for _, n, _ in self.tables.values()}
+            taken_names = {n for _, n, _ in self.tables.values()}
             k = 1
             unique = name if key in self.table_names else f"{name}_of_1"
-            while unique in taken:
+            while unique in taken_names:
                 k += 1
                 unique = f"{name}_of_{k}"
             text = f"static const {self.names(t)} {unique} = {initial(const, t)};"
@@ -309,7 +318,7 @@ class Program:
         lines = [
             f"/* {name}: {(inspect.getdoc(self.block) or name).splitlines()[0]}",
             "",
-            f"   Translated from {self._shown(self.file)}; change that, not this.",
+            f"   Translated from {self._display_path(self.file)}; change that, not this.",
             "*/",
             '#include "block.h"',
             "",
@@ -318,9 +327,9 @@ class Program:
         state = [
             (n, t)
             for n, t in self.fields.items()
-            if n not in self.declared and not _is_nothing(t)
+            if n not in self.declared_types and not _is_nothing(t)
         ]
-        for _, t in (*self.declared.items(), *state):
+        for _, t in (*self.declared_types.items(), *state):
             self.names(t)
         functions: list[str] = []
         for spec in self.order:
@@ -330,7 +339,7 @@ class Program:
         for v in self.block.variables:
             comment = f"{v.unit}: {v.description}".replace("*/", "* /")
             lines.append(
-                f"    {self.names(self.declared[v.name])} {safe(v.name)}; /* {comment} */"
+                f"    {self.names(self.declared_types[v.name])} {safe(v.name)}; /* {comment} */"
             )
         lines += [f"    {self.names(t)} {safe(n)};" for n, t in state]
         lines += ["};", ""]
@@ -345,7 +354,7 @@ class Program:
         arguments = []
         if spec.takes_self:
             arguments.append(f"{BLOCK} *self")
-        if spec.callee.captured:
+        if spec.callee.captures:
             arguments.append(f"const {self.names(Function((spec.callee,)))} *all")
         for k, (n, t) in enumerate(spec.arguments):
             if spec.consts[k] is not None:
@@ -353,7 +362,7 @@ class Program:
             if (
                 isinstance(t, Function)
                 and len(t.callees) == 1
-                and not t.callees[0].captured
+                and not t.callees[0].captures
             ):
                 continue
             passing = spec.passing(k)
@@ -382,7 +391,7 @@ class Program:
             yield f"    {BLOCK} *self = all->self;"
         if spec.memo:
             yield from self._memo_lines(spec)
-        for n in sorted(spec.hoisted):
+        for n in sorted(spec.hoisted_names):
             t = spec.variables[n]
             if not _is_nothing(t):
                 zero = "0" if isinstance(t, Scalar) else "{0}"
@@ -426,14 +435,14 @@ class Program:
         for k, (n, _) in enumerate(spec.arguments):
             if spec.consts[k] is None and not _stands(safe(n), spec.lines):
                 t = spec.types[k]
-                if not (isinstance(t, Function) and not t.callees[0].captured):
+                if not (isinstance(t, Function) and not t.callees[0].captures):
                     yield f"    (void){safe(n)};"
 
     def description(self, name: str, guid: str) -> Iterable[str]:
         """Yield the start values, the table of variables and the entry functions."""
         yield f"static const {BLOCK} {PREFIX}at_start = {{"
         for v in self.block.variables:
-            yield f"    .{safe(v.name)} = {initial(v.start, self.declared[v.name])},"
+            yield f"    .{safe(v.name)} = {initial(v.start, self.declared_types[v.name])},"
         yield "};"
         yield ""
         yield f"static const block_variable {PREFIX}variables[] = {{"
@@ -453,9 +462,9 @@ class Program:
         yield "};"
         yield ""
         for spec, (entry, types) in zip(self.entries, ENTRIES.items(), strict=True):
-            declared = "".join(f", double {n}" for n in ("t", "dt")[: len(types)])
+            parameter_text = "".join(f", double {n}" for n in ("t", "dt")[: len(types)])
             arguments = "".join(f", {n}" for n in ("t", "dt")[: len(types)])
-            yield f"static void {PREFIX}do_{entry}(void *self{declared})"
+            yield f"static void {PREFIX}do_{entry}(void *self{parameter_text})"
             yield "{"
             yield f"    {spec.name}(self{arguments});"
             yield "}"

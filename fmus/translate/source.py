@@ -37,6 +37,7 @@ class Source:
     """A Python file: its tree, its functions by first line, its comments by line."""
 
     def __init__(self, path: Path) -> None:
+        """Read a Python file: its functions by first line, its comments by line."""
         self.path = path
         text = path.read_text(encoding="utf-8")
         self.tree = ast.parse(text)
@@ -82,18 +83,25 @@ class Info:
     They are its parameters, defaults and types, and whether Python caches its result.
     """
 
-    required = object()
+    no_default = object()
 
-    def __init__(self, callee: Callee, shown: str) -> None:
+    def __init__(self, callee: Callee, display_path: str) -> None:
+        """Read the declarations of a function; `display_path` is its file for messages.
+
+        Raises
+        ------
+        SubsetError
+            If its parameters are outside of the subset.
+        """
         function = callee.function
-        self.cached = hasattr(function, "__wrapped__")
+        self.is_cached = hasattr(function, "__wrapped__")
         function = getattr(function, "__wrapped__", function)
         if isinstance(function, Nested):
             self.node, self.globals = function.node, function.spec.globals
             self.source = function.spec.source
             self.place = function.spec.place
             defaults: tuple[Any, ...] = ()
-            named: dict[str, Any] = {}
+            keyword_defaults: dict[str, Any] = {}
             if self.node.args.defaults or self.node.args.kw_defaults:
                 raise SubsetError(
                     f"{self.place}:{self.node.lineno}: defaults of a function within "
@@ -102,14 +110,17 @@ class Info:
         else:
             code = function.__code__
             self.source = source(code.co_filename)
-            self.place = shown
+            self.place = display_path
             if code.co_firstlineno not in self.source.functions:
                 raise SubsetError(
-                    f"{shown}:{code.co_firstlineno}: a lambda with a name: def"
+                    f"{display_path}:{code.co_firstlineno}: a lambda with a name: def"
                 )
             self.node = self.source.functions[code.co_firstlineno]
             self.globals = function.__globals__
-            defaults, named = function.__defaults__ or (), function.__kwdefaults__ or {}
+            defaults, keyword_defaults = (
+                function.__defaults__ or (),
+                function.__kwdefaults__ or {},
+            )
         self.name = self.node.name
         arguments = self.node.args
         if arguments.vararg or arguments.kwarg:
@@ -117,20 +128,22 @@ class Info:
                 f"{self.place}:{self.node.lineno}: * in {self.name}'s parameters: name them"
             )
         names = [*arguments.posonlyargs, *arguments.args]
-        values = [self.required] * (len(names) - len(defaults)) + list(defaults)
+        values = [self.no_default] * (len(names) - len(defaults)) + list(defaults)
         names += arguments.kwonlyargs
-        values += [named.get(a.arg, self.required) for a in arguments.kwonlyargs]
+        values += [
+            keyword_defaults.get(a.arg, self.no_default) for a in arguments.kwonlyargs
+        ]
         pairs = list(zip(names, values, strict=True))
-        if callee.bound:
+        if callee.is_method:
             pairs = pairs[1:]
         self.parameters = [(a.arg, v) for a, v in pairs]
         annotations = [self._annotation(a.annotation) for a, _ in pairs]
-        self.annotated: list[Type | None] = [t for t, _ in annotations]
+        self.annotated_types: list[Type | None] = [t for t, _ in annotations]
         self.optional: list[bool] = [optional for _, optional in annotations]
         constants = self._find_slice_bounds()
         self.wants_constant = [a in constants for a, _ in self.parameters]
         self.is_constant: Any = None
-        if self.cached and not self.parameters:
+        if self.is_cached and not self.parameters:
             self.is_constant = callee.function()
 
     def _find_slice_bounds(self) -> set[str]:
@@ -142,12 +155,12 @@ class Info:
             for n in ast.walk(s)
             if isinstance(n, ast.Name)
         }
-        assigned = {
+        assigned_names = {
             n.id
             for n in ast.walk(self.node)
             if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
         }
-        return in_slices - assigned
+        return in_slices - assigned_names
 
     def _annotation(self, node: ast.expr | None) -> tuple[Type | None, bool]:
         """Return the type of an annotation and whether it admits None."""
@@ -231,8 +244,8 @@ class NameUses:
         block_path = (*path, id(body))
         for s in body:
             if isinstance(s, ast.FunctionDef):
-                bound = frozenset(a.arg for a in s.args.args)
-                self._record_names(s, block_path, loop, bound)
+                bound_names = frozenset(a.arg for a in s.args.args)
+                self._record_names(s, block_path, loop, bound_names)
                 continue
             inner_blocks = _inner_blocks(s)
             inside: set[int] = set()
@@ -249,11 +262,15 @@ class NameUses:
                 self._record_block(block, block_path, in_loop)
 
     def _record_names(
-        self, node: ast.AST, path: tuple[int, ...], loop: bool, bound: frozenset[str]
+        self,
+        node: ast.AST,
+        path: tuple[int, ...],
+        loop: bool,
+        bound_names: frozenset[str],
     ) -> None:
         """Record the names of an expression, except those a comprehension binds."""
-        bound = bound | _bound_names(node)
-        if isinstance(node, ast.Name) and node.id not in bound:
+        bound_names = bound_names | _bound_names(node)
+        if isinstance(node, ast.Name) and node.id not in bound_names:
             self._record_name(node, path, loop)
         if (
             isinstance(node, ast.Subscript)
@@ -262,7 +279,7 @@ class NameUses:
         ):
             self.changed_in_place.add(node.value.id)
         for child in ast.iter_child_nodes(node):
-            self._record_names(child, path, loop, bound)
+            self._record_names(child, path, loop, bound_names)
 
     def _record_name(self, node: ast.Name, path: tuple[int, ...], loop: bool) -> None:
         """Record one use of a local name."""
@@ -317,6 +334,7 @@ class Spec:
         owner: Any,
         name: str,
     ) -> None:
+        """Specialise a function for types and constants of its arguments."""
         self.key, self.info, self.callee = key, info, callee
         self.types, self.consts, self.owner, self.name = types, consts, owner, name
         self.node, self.globals, self.source = info.node, info.globals, info.source
@@ -324,18 +342,18 @@ class Spec:
         self.arguments = [
             (n, t) for (n, _), t in zip(info.parameters, types, strict=True)
         ]
-        nested = isinstance(callee.function, Nested)
-        self.takes_self = callee.bound
-        self.self_captured = nested and any(n == "self" for n, _ in callee.captured)
-        self.has_self = callee.bound or self.self_captured
+        is_nested = isinstance(callee.function, Nested)
+        self.takes_self = callee.is_method
+        self.self_captured = is_nested and any(n == "self" for n, _ in callee.captures)
+        self.has_self = callee.is_method or self.self_captured
         self.variables: dict[str, Type] = {}
-        self.hoisted: set[str] = set()
+        self.hoisted_names: set[str] = set()
         self.result: Type = NEVER
-        self.done = False
+        self.is_translated = False
         self.effects = False
         self.lines: list[str] = []
         # functions with a remembered result that this one calls, directly or indirectly
-        self.reached: set[str] = set()
+        self.reached_memos: set[str] = set()
         self.recursive = False
         self.end_reached = False
         self.busy = False
@@ -344,7 +362,7 @@ class Spec:
     @property
     def top(self) -> set[str]:
         """Return the variables that are declared at the top of the function."""
-        return self.hoisted
+        return self.hoisted_names
 
     def _find_places(self) -> None:
         """Find where each local name is used, and how each argument is passed."""
@@ -358,7 +376,7 @@ class Spec:
         # a list counts as changed where a function that gets it changes it
         for call in ast.walk(self.node):
             if isinstance(call, ast.Call):
-                self._passed(call, parameters)
+                self._record_changed_lists(call, parameters)
         self.locals_names = {*self.stores, *parameters}
         self.by_address = {
             n
@@ -367,7 +385,7 @@ class Spec:
             or (self.stores[n] == 0 and (size(t) > BY_ADDRESS or _captures(t)))
         }
 
-    def _passed(self, call: ast.Call, parameters: set[str]) -> None:
+    def _record_changed_lists(self, call: ast.Call, parameters: set[str]) -> None:
         """Record lists passed to a function that changes their elements."""
         target: object = None
         match call.func:
@@ -386,7 +404,7 @@ class Spec:
         )
         if node is None:
             return
-        changed = {
+        changed_parameters = {
             n.value.id
             for n in ast.walk(node)
             if isinstance(n, ast.Subscript)
@@ -394,7 +412,7 @@ class Spec:
             and isinstance(n.value, ast.Name)
         }
         for argument, parameter in zip(call.args, node.args.args, strict=False):
-            if parameter.arg in changed and isinstance(argument, ast.Name):
+            if parameter.arg in changed_parameters and isinstance(argument, ast.Name):
                 self.changed_in_place.add(argument.id)
 
     def passing(self, k: int) -> str:
@@ -417,7 +435,7 @@ class Spec:
             ) from None
         if wider != self.result:
             self.result = wider
-            one.changed = True
+            one.types_changed = True
 
     def used_after(self, loop: ast.For, name: str) -> bool:
         """Return whether a name is used after a loop."""
@@ -434,17 +452,17 @@ class Spec:
         It does so where Python caches the function and the result has more than 1024
         bytes.
         """
-        return self.info.cached and size(self.result) > 1024
+        return self.info.is_cached and size(self.result) > 1024
 
     @property
     def never_returns(self) -> bool:
         """Return whether the function always raises."""
-        return self.done and self.result == NEVER
+        return self.is_translated and self.result == NEVER
 
 
 def _captures(t: Type) -> bool:
     """Return whether a type is a function that captures variables."""
-    return type(t).__name__ == "Function" and any(c.captured for c in t.callees)
+    return type(t).__name__ == "Function" and any(c.captures for c in t.callees)
 
 
 def size(t: Type) -> int:
@@ -460,6 +478,6 @@ def size(t: Type) -> int:
         return 8 + size(t.item)
     if name == "Function":
         return sum(
-            8 if x == "self" else size(x) for c in t.callees for _, x in c.captured
+            8 if x == "self" else size(x) for c in t.callees for _, x in c.captures
         )
     return 8

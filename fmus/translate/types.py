@@ -71,13 +71,13 @@ class Maybe:
 class Callee:
     """A function known during translation.
 
-    It belongs to a module, to the block (`bound`), or to another function; then
-    `captured` holds the variables that it captures.
+    It belongs to a module, to the block (`is_method`), or to another function; then
+    `captures` holds the variables that it captures.
     """
 
     function: Any
-    bound: bool = False
-    captured: tuple[tuple[str, Any], ...] = ()
+    is_method: bool = False
+    captures: tuple[tuple[str, Any], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ def _join_scalars(a: Scalar, b: Scalar) -> Type:
 
 def _join_functions(a: Function, b: Function) -> Type:
     """Return the type of a function value with the callees of both."""
-    if any(c.captured for c in (*a.callees, *b.callees)):
+    if any(c.captures for c in (*a.callees, *b.callees)):
         raise JoinError("two functions that capture variables")
     return Function(tuple(dict.fromkeys((*a.callees, *b.callees))))
 
@@ -149,7 +149,7 @@ def _join_sequences(a: Type, b: Type) -> Type:
         return List(item, max(most(a), most(b)))
     if isinstance(a, Array) and isinstance(b, Array) and a.size == b.size:
         return Array(join(a.item, b.item), a.size)
-    raise JoinError(f"{shown(a)} and {shown(b)}")
+    raise JoinError(f"{type_text(a)} and {type_text(b)}")
 
 
 def element(t: Type) -> Type:
@@ -162,10 +162,10 @@ def element(t: Type) -> Type:
     """
     if isinstance(t, (List, Array)):
         return t.item
-    found: Type = NEVER
+    item_type: Type = NEVER
     for x in t.items:
-        found = join(found, x)
-    return found
+        item_type = join(item_type, x)
+    return item_type
 
 
 def most(t: Type) -> int:
@@ -179,19 +179,19 @@ def most(t: Type) -> int:
     )
 
 
-def shown(t: Type) -> str:
+def type_text(t: Type) -> str:
     """Format a type for a message."""
     match t:
         case Tuple() if t.items and t.uniform:
-            return f"tuple of {len(t.items)} {shown(t.items[0])}"
+            return f"tuple of {len(t.items)} {type_text(t.items[0])}"
         case Tuple():
-            return f"tuple[{', '.join(map(shown, t.items))}]"
+            return f"tuple[{', '.join(map(type_text, t.items))}]"
         case List():
-            return f"tuple of up to {t.most} {shown(t.item)}"
+            return f"tuple of up to {t.most} {type_text(t.item)}"
         case Array():
-            return f"list of {t.size} {shown(t.item)}"
+            return f"list of {t.size} {type_text(t.item)}"
         case Maybe():
-            return f"{shown(t.item)} | None"
+            return f"{type_text(t.item)} | None"
         case Function():
             return "function"
     return str(t)
@@ -252,7 +252,7 @@ class Names:
             (callee, *rest) = t.callees
             members = [
                 f"{self.member(x)} {'self' if x == 'self' else safe(n)};"
-                for n, x in callee.captured
+                for n, x in callee.captures
                 if x == "self" or not hidden(x)
             ]
             body = "int which;" if rest else " ".join(members) or "char nothing;"
@@ -269,7 +269,7 @@ class Names:
 
 def hidden(t: Type) -> bool:
     """Return whether C knows a function by its name, so that it needs no value."""
-    return isinstance(t, Function) and len(t.callees) == 1 and not t.callees[0].captured
+    return isinstance(t, Function) and len(t.callees) == 1 and not t.callees[0].captures
 
 
 def _kind(t: Type) -> str:

@@ -76,7 +76,7 @@ class Value:
         """Return the code, in parentheses if it binds less tightly than `level`."""
         return self.code if self.binds >= level else f"({self.code})"
 
-    def bounded(self, low: int | None, high: int | None) -> Value:
+    def with_bounds(self, low: int | None, high: int | None) -> Value:
         """Return the value with these bounds."""
         return replace(self, low=low, high=high)
 
@@ -148,14 +148,14 @@ def uniform_constant(x: Any) -> Type | None:
         if not items or any(t is None for t in items):
             return None
         try:
-            found: Type = NEVER
+            item_type: Type = NEVER
             for t in items:
-                found = join(found, t)
+                item_type = join(item_type, t)
         except JoinError:
             return Tuple(tuple(items))
-        if isinstance(found, List):
+        if isinstance(item_type, List):
             return Tuple(tuple(items))
-        return Tuple((found,) * len(items))
+        return Tuple((item_type,) * len(items))
     value = constant(x)
     return value.type if value and isinstance(value.type, Scalar) else None
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from desat.components.contract.block import Block, BlockError
-from desat.components.maths.attitude import inverse, normalised, product
+from desat.components.maths.attitude import inverse, normalise, product
 from desat.components.physics.gyrostat import carrier_inertia
 from desat.components.physics.orbit import lvlh_attitude
 from desat.components.physics.rod import warm
@@ -449,7 +449,7 @@ def wanted_attitude(system: System) -> Attitude:
     x, y, z, w = guide.values[name]
     if not any((x, y, z, w)):
         raise DesatError(f"{system.name}: guidance: {name} is zero")
-    return Attitude(kind, normalised((x, y, z, w)), 0.0)
+    return Attitude(kind, normalise((x, y, z, w)), 0.0)
 
 
 def environment_block(component: Component, changes: Values | None = None) -> Block:

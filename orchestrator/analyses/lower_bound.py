@@ -274,7 +274,7 @@ class _Truth:
             thrust,
             length,
             (length[:, None] * share)[:, :, None] * unit,
-            bounded=self._parameters["torquers"].get("drive") != "ideal",
+            limits_dipole=self._parameters["torquers"].get("drive") != "ideal",
         )
         return (None, None) if plan is None else (plan.seconds, plan.price.tolist())
 

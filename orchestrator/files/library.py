@@ -417,7 +417,7 @@ def computes(name: str, fmu: Fmu | None) -> str:
 @cache
 def _hash_of(name: str) -> str:
     """Compute the hash of the Python of a block."""
-    return str(meaning.computed(name)["computes"])
+    return str(meaning.index_entry(name)["computes"])
 
 
 def index() -> dict[str, JsonObject]:

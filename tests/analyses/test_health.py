@@ -38,7 +38,7 @@ class WorseLaw(TorquerDumping):
 
     gain: float = Parameter("1/s", "gain", start=1e-3)
 
-    def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:
+    def dipole(self, elapsed_time: float, h: Vec3) -> Vec3 | None:
         return cross_product.normalised(h, self.b_body, -self.gain)
 '''
 

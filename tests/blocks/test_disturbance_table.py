@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from desat.components.contract.block import BlockError
-from desat.components.maths.attitude import normalised, rotate
+from desat.components.maths.attitude import normalise, rotate
 from desat.system.errors import DesatError
 from desat.system.parameters import expand
 from tests.conftest import started
@@ -39,7 +39,7 @@ def test_a_tables_impulse_is_exact_whatever_the_steps(between: int) -> None:
 
 
 def test_a_tables_frames_and_what_it_is_added_to() -> None:
-    q = normalised((0.1, 0.2, 0.3, 0.9))
+    q = normalise((0.1, 0.2, 0.3, 0.9))
     rows = table((0.0, 0.1, 0.2, 0.3))
     source = started("disturbance_table", torque=rows, frame=2, factor=2.0)
     source.q_bi, source.tau_other_body = q, (0.0, 0.0, 1.0)

@@ -22,7 +22,7 @@ from desat.components.blocks.environment_propagated import (
 from desat.components.blocks.environment_tle import EnvironmentTle
 from desat.components.blocks.manager_receding_horizon import ManagerRecedingHorizon
 from desat.components.contract.block import Block, BlockError, Vec3
-from desat.components.maths.attitude import from_matrix, propagated, rotate, rotate_back
+from desat.components.maths.attitude import from_matrix, propagate, rotate, rotate_back
 from desat.components.maths.vector import cross, norm
 from desat.components.physics import averaging, earth, orbit
 from desat.runs.run import Options, execute, prepare
@@ -404,7 +404,7 @@ def test_j2000_in(kind, form):
         r, v = tuple(back(of_date.r_eci).tolist()), tuple(back(of_date.v_eci).tolist())
         values |= {"orbit_start": "state", "r_start": r, "v_start": v}
     else:
-        values |= orbit.turned(
+        values |= orbit.rotate_elements(
             orbit.Elements(*(ECCENTRIC[n] for n in orbit.Elements._fields)),
             tuple(np.array(earth.precession(IN_2026)).reshape(3, 3).T.ravel().tolist()),
         )._asdict()
@@ -438,7 +438,7 @@ def test_turned_elements_are_of_the_turned_state(elements):
         return np.array([r, v])
 
     expected = place(elements) @ np.array(c).reshape(3, 3).T
-    assert place(orbit.turned(elements, c)) == pytest.approx(
+    assert place(orbit.rotate_elements(elements, c)) == pytest.approx(
         expected, abs=1e-8 * elements.semi_major_axis
     )
 
@@ -517,12 +517,12 @@ def test_a_firing_against_cowell(dt, turning):
     attitude = (0.1, -0.2, 0.3, math.sqrt(0.86))
 
     def push(t, y):
-        return np.array(rotate_back(propagated(attitude, rate, t), force)) / mass
+        return np.array(rotate_back(propagate(attitude, rate, t), force)) / mass
 
     first = state(block)
     block.force_mean_thruster_body, block.omega_bi_body = force, rate
     for k in range(round(300.0 / dt)):
-        block.q_bi = propagated(attitude, rate, k * dt)
+        block.q_bi = propagate(attitude, rate, k * dt)
         block.advance(k * dt, dt)
     block.output(300.0)
     expected = cowell(first, 4, 300.0, push)

@@ -14,7 +14,7 @@ from desat.components.maths import attitude
 from desat.components.physics import orbit
 from tests.contract.test_block import begin, fresh
 
-TURN = attitude.normalised((0.3, -0.5, 0.2, 0.8))
+TURN = attitude.normalise((0.3, -0.5, 0.2, 0.8))
 
 
 def block(name, **values):
@@ -40,7 +40,7 @@ def rate_of(before, now, after, h):
 
 
 def random_quaternion(rng):
-    return attitude.normalised(tuple(float(x) for x in rng.normal(size=4)))
+    return attitude.normalise(tuple(float(x) for x in rng.normal(size=4)))
 
 
 def random_vector(rng, size=1.0):
@@ -530,7 +530,7 @@ def closed_loop(
             return np.concatenate([dq, np.linalg.solve(J, torque - np.cross(w, J @ w))])
 
         y = solve_ivp(slope, (0, step), [*q, *omega], rtol=1e-8, atol=1e-11).y[:, -1]
-        q = attitude.normalised(tuple(map(float, y[:4])))
+        q = attitude.normalise(tuple(map(float, y[:4])))
         omega = tuple(map(float, y[4:]))
         rows.append((q, omega))
     return rows

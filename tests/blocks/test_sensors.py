@@ -16,7 +16,7 @@ from desat.components.maths import attitude, noise
 from desat.runs.run import Options, prepare
 from tests.contract.test_block import begin, fresh
 
-Q = attitude.normalised((0.3, -0.5, 0.2, 0.8))
+Q = attitude.normalise((0.3, -0.5, 0.2, 0.8))
 N = 20000
 
 # block -> its input, its output, a value of the input
@@ -274,8 +274,8 @@ def test_failed_from_the_start_and_never(name):
 
 def test_failure_time_on_a_sample_is_not_missed_by_rounding():
     assert 3 * 0.7 < 2.1
-    assert sensing.failed(3 * 0.7, 2.1)
-    assert not sensing.failed(2 * 0.7, 2.1)
+    assert sensing.has_failed(3 * 0.7, 2.1)
+    assert not sensing.has_failed(2 * 0.7, 2.1)
 
 
 # --- magnetometer, tachometers --------------------------------------------------------
@@ -660,7 +660,7 @@ def test_star_tracker_holds_until_the_stars_are_acquired_again():
     reasons, held = [], []
     for k in range(10):
         block.omega_bi_body = (0.03, 0.0, 0.0) if k in (2, 3) else (0.0, 0.0, 0.0)
-        block.q_bi = attitude.propagated(Q, (0.01, 0.0, 0.0), k)
+        block.q_bi = attitude.propagate(Q, (0.01, 0.0, 0.0), k)
         block.advance(float(k), 1.0)
         reasons.append(block.lost_to)
         held.append(block.q_meas_bi)
@@ -682,7 +682,7 @@ def test_star_tracker_is_late_by_its_delay():
     block = sensor("star_tracker", sample_time=0.5, delay=1.5)
     assert (block.valid, block.lost_to) == (False, 6), "nothing can have come out yet"
     for k in range(12):
-        block.q_bi = attitude.propagated(Q, rate, 0.5 * k)
+        block.q_bi = attitude.propagate(Q, rate, 0.5 * k)
         block.advance(0.5 * k, 0.5)
         assert block.valid == (k >= 3)
         if block.valid:

@@ -600,4 +600,4 @@ def test_each_rotor_begins_its_jitter_at_an_angle_of_its_own():
     wheels.axes_wheel = (s, -s, -s, s, s, s, -s, -s, s, s, s, s)
     wheels.inertia_wheel = (3.2e-5,) * 4
     begin(wheels)
-    assert len({round(a, 6) for a in wheels._turned}) == 4
+    assert len({round(a, 6) for a in wheels._rotor_angles}) == 4

@@ -45,7 +45,7 @@ class MyLaw(TorquerDumping):
 
     gain: float = Parameter("1/s", "gain", start=5e-3, min=0.0)
 
-    def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:
+    def dipole(self, elapsed_time: float, h: Vec3) -> Vec3 | None:
         if norm(h) <= 0.0:
             return None
         return dipole(h, self.b_body, self.gain)
@@ -398,7 +398,7 @@ def test_a_block_that_assigns_by_name_is_not_refused(tmp_path):
 
 
 def test_every_block_of_ours_assigns_its_outputs():
-    found = {name: block_file.unassigned(block_class(name)) for name in names()}
+    found = {name: block_file.find_unassigned(block_class(name)) for name in names()}
     assert {name: lines for name, lines in found.items() if lines} == {}
 
 

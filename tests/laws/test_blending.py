@@ -78,7 +78,7 @@ def test_no_feasible_split_has_a_smaller_one_norm(n, b, k, limit, gain):
     box = (limit, limit, limit)
     least = np.abs(blending.bounded_one_norm(n, b, box)[1]).sum()
     others = [
-        blending.saturated(split, b, limit)
+        blending.limit_dipole(split, b, limit)
         for split in (
             blending.cccp(n, b, gain),
             blending.crcp(n, b),

@@ -16,7 +16,7 @@ from desat.components.contract.block import BlockError
 from desat.components.laws import attitude_error, boom_filter, orbit_momentum
 from desat.components.laws import gravity_gradient as gravity
 from desat.components.maths import kalman
-from desat.components.maths.attitude import propagated, rotate
+from desat.components.maths.attitude import propagate, rotate
 from desat.components.maths.vector import add, cross, dot, inverse, mat_vec, sub
 from desat.runs.run import Options, execute
 from tests.papers.test_alsat1 import NEAR, THREE, J, N, boom
@@ -119,7 +119,7 @@ def test_the_covariance_stays_symmetric_and_positive_over_ten_orbits():
     q, omega = (0.0, 0.0, 0.0, 1.0), (0.0, -N, 0.0)
     x, p = boom_filter.begin(omega, SETTING)
     for k in range(6130):
-        measured = propagated(q, omega, 10.0)
+        measured = propagate(q, omega, 10.0)
         q, x, p, _, surprise = boom_filter.update(
             q, x, p, interval(10.0 * k), measured, omega, SETTING
         )
@@ -177,7 +177,7 @@ def test_a_lost_filter_starts_anew_and_says_so():
     for k in range(30):
         block.advance(10.0 * k, 10.0)
     assert block.filter_restarts == 0
-    block.q_bi = propagated((0.0, 0.0, 0.0, 1.0), (1.0, 0.0, 0.0), 1.0)
+    block.q_bi = propagate((0.0, 0.0, 0.0, 1.0), (1.0, 0.0, 0.0), 1.0)
     for k in range(30, 36):
         block.advance(10.0 * k, 10.0)
     assert block.filter_restarts == 1
@@ -234,7 +234,7 @@ def refer(model_error=0.0):
         variance, remainder = attitude_error.variance_of(
             x, remainder, measured, model, 1e-6, 10.0, 9000.0
         )
-        p = attitude_error.walked(p, 1e-6, 10.0)
+        p = attitude_error.add_walk(p, 1e-6, 10.0)
         x, p, _ = attitude_error.update(x, p, measured, model, variance, 6)
     return x, p
 

@@ -55,9 +55,9 @@ def test_every_split_adds_up(n, b, k, b_over_a, limit):
         blending.crcp(n, b),
         blending.ocdc(n, b, b_over_a),
     ):
-        for m, n_t in (split, blending.saturated(split, b, limit)):
+        for m, n_t in (split, blending.limit_dipole(split, b, limit)):
             assert np.allclose(np.add(n_t, np.cross(m, b)), n, rtol=0, atol=1e-15)
-    m, _ = blending.saturated(blending.crcp(n, b), b, limit)
+    m, _ = blending.limit_dipole(blending.crcp(n, b), b, limit)
     assert max(map(abs, m)) <= limit
 
 

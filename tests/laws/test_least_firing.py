@@ -57,7 +57,7 @@ def test_too_much_has_no_plan(capfd):
 def test_dipole_without_limit_needs_no_thruster():
     impulse, thrust, longest, _, _ = programme(2)
     dipole = np.random.default_rng(3).normal(size=(len(longest), 3, 3))
-    plan = least_firing(impulse, thrust, longest, dipole, bounded=False)
+    plan = least_firing(impulse, thrust, longest, dipole, limits_dipole=False)
     assert plan is not None
     assert plan.seconds == 0.0
 

@@ -16,7 +16,7 @@ from desat.components.blocks.manager_predictive import ManagerPredictive
 from desat.components.contract.block import BlockError
 from desat.components.laws import disturbance_learning as learning
 from desat.components.laws import momentum_observer, predictive, slew, thrust_limit
-from desat.components.maths.attitude import inverse, product, propagated
+from desat.components.maths.attitude import inverse, product, propagate
 from desat.components.physics import atmosphere, orbit, torques
 from desat.runs.run import Options, execute
 
@@ -341,7 +341,7 @@ def test_evidence_is_what_innovations_have_beyond_uncertain_effects(
             evidence, table(p), tuple(seen), table(effects), passed, orbit, doubt
         )
     push = found / passed
-    most = np.array([2.0] * 9 + [doubt.expected] * 4 + [2.0] * 3)
+    most = np.array([2.0] * 9 + [doubt.expected_share] * 4 + [2.0] * 3)
     explained = most**2 * np.diag(p)[4:20] * (candidates**2).sum(axis=0)
     excess = np.maximum((push**2).sum(axis=1) - explained.sum(), 0.0)
     assert excess.min() > 0.0
@@ -729,7 +729,7 @@ def test_a_slew_ahead_is_that_of_the_guidance(seed: int, tmp_path: Path) -> None
         slew.rate_at(turn, 400.0), rel=1e-5
     )
     end = slew.attitude_at(turn, q0, 0.0, 700.0)
-    assert end == pytest.approx(propagated(q0, rotation, 1.0))
+    assert end == pytest.approx(propagate(q0, rotation, 1.0))
     assert slew.rate_at(turn, 99.0) == slew.rate_at(turn, 701.0) == (0.0, 0.0, 0.0)
 
 

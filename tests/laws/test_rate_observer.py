@@ -17,7 +17,7 @@ def test_the_observer_s_model_moves_momentum_between_wheel_and_body():
     wheel = np.array([0.0, 0.4, 0.0])
     inverse = tuple(np.linalg.inv(inertia).ravel())
     zero = (0.0, 0.0, 0.0)
-    later, _ = rate_observer.predicted(
+    later, _ = rate_observer.predict(
         omega,
         (1e-5, 0.0, 0.0),
         zero,

@@ -287,9 +287,9 @@ def test_the_field_ahead_is_the_environments(model):
     )
     manager.r_eci, manager.v_eci = environment.r_eci, environment.v_eci
     n = 60
-    q, ahead = manager._predicted(0.0, n)
+    q, ahead = manager._predict_course(0.0, n)
     manager.b_body = truth = rotate(q[0], environment.b_eci)
-    q, ahead = manager._predicted(0.0, n)
+    q, ahead = manager._predict_course(0.0, n)
     assert len(q) == n + 2
     assert np.linalg.norm(ahead[0]) == pytest.approx(np.linalg.norm(truth), rel=0.02)
     for k in (0, 1, 30, 59):
@@ -467,7 +467,7 @@ def test_the_fit_finds_attitude_scale_and_offset():
     for b, measured in zip(model[:50], truth[:50], strict=True):
         fit = receding_horizon.learnt(fit, tuple(b), tuple(measured))
         course_ahead = tuple(tuple(x) for x in model[50:])
-        ahead = receding_horizon.corrected(fit, course_ahead, 0.1, 1e-6)
+        ahead = receding_horizon.correct_fields(fit, course_ahead, 0.1, 1e-6)
         errors.append(np.abs(np.array(ahead) - truth[50:]).max())
     assert np.abs(model[50:] - truth[50:]).max() > 5e-6
     assert errors[0] < np.abs(model[50:] - truth[50:]).max(), (
@@ -478,7 +478,7 @@ def test_the_fit_finds_attitude_scale_and_offset():
 
 def test_no_measurement_leaves_the_model_as_it_is():
     b = [(1e-5, 2e-5, -3e-5), (0.0, 1e-5, 0.0)]
-    assert receding_horizon.corrected(
+    assert receding_horizon.correct_fields(
         receding_horizon.NO_FIT, tuple(b), 0.1, 1e-6
     ) == tuple(b)
 

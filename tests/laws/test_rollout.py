@@ -18,7 +18,7 @@ from desat.components.blocks.manager_detumbling_rollout import (
     MOST_STEPS,
     PLANNED,
     ManagerDetumblingRollout,
-    missed,
+    count_misses,
 )
 from desat.components.contract.block import BlockError, Vec3, Vec4
 from desat.components.laws import craft_filter, rate_observer, rollout
@@ -59,7 +59,7 @@ def cost_of(
         STILL,
         sequence.torques,
         sequence.segments,
-        sequence.elapsed,
+        sequence.elapsed_steps,
         20,
         900,
         best,
@@ -74,7 +74,7 @@ def test_a_step_without_coils_keeps_the_momentum_and_follows_a_finer_one() -> No
         model = MODEL._replace(step=1.0 / parts)
         omega, b, h = (0.1, -0.1, 0.1), FIELD, STILL
         for _ in range(30 * parts):
-            omega, b = rollout.stepped(model, omega, b, h, ZERO, u)
+            omega, b = rollout.propagate_step(model, omega, b, h, ZERO, u)
             h = (h[0] + u[0] / parts, h[1] + u[1] / parts, 0.0, 0.0)
         return omega, b, h
 
@@ -170,22 +170,22 @@ def test_a_rate_at_its_limit_is_above_it_and_a_wheel_at_its_limit_is_not_driven(
         == inf
     )
     u, limit = (1e-3, -1e-3, 1e-3, -1e-3), 0.1
-    assert rollout.allowed(u, (limit, limit, -limit, -limit), limit) == (
+    assert rollout.stop_overspeed(u, (limit, limit, -limit, -limit), limit) == (
         0.0,
         -1e-3,
         1e-3,
         0.0,
     )
-    assert rollout.allowed(u, (0.09, 0.09, -0.09, -0.09), limit) == u
+    assert rollout.stop_overspeed(u, (0.09, 0.09, -0.09, -0.09), limit) == u
 
 
 def test_what_a_wheel_gave_is_counted_from_a_third_of_its_limit_on() -> None:
-    assert missed(2, 0.3, 0.0, 1.0) == 2  # says nothing
-    assert missed(2, 0.31, 0.0, 1.0) == 3
-    assert missed(2, -0.31, 0.0, 1.0) == 3
-    assert missed(2, 1.0, 0.2, 1.0) == 0  # a fifth is enough
-    assert missed(2, 1.0, 0.19, 1.0) == 3
-    assert missed(2, 1.0, 0.0, 0.0) == 2  # there is none, or none any more
+    assert count_misses(2, 0.3, 0.0, 1.0) == 2  # says nothing
+    assert count_misses(2, 0.31, 0.0, 1.0) == 3
+    assert count_misses(2, -0.31, 0.0, 1.0) == 3
+    assert count_misses(2, 1.0, 0.2, 1.0) == 0  # a fifth is enough
+    assert count_misses(2, 1.0, 0.19, 1.0) == 3
+    assert count_misses(2, 1.0, 0.0, 0.0) == 2  # there is none, or none any more
 
 
 def test_the_filter_knows_the_rate_along_the_field_and_how_well() -> None:
@@ -215,8 +215,8 @@ def test_the_filter_knows_the_rate_along_the_field_and_how_well() -> None:
                 half = b + 0.025 * np.asarray(cross(tuple(b), tuple(middle)))
                 b = b + 0.05 * np.asarray(cross(tuple(half), tuple(middle)))
             seen = tuple(b + noise * random.normal(size=3))
-            passed = craft_filter.Passed(1.0, ZERO, ZERO, ZERO, seen, ZERO, 0.0)
-            x, p, _ = craft_filter.updated(x, p, passed, setting, True)
+            passed = craft_filter.Interval(1.0, ZERO, ZERO, ZERO, seen, ZERO, 0.0)
+            x, p, _ = craft_filter.update(x, p, passed, setting, True)
             if k >= 100 and k % 10 == 0:
                 error = np.subtract(craft_filter.rate_of(x), omega)
                 covariance = np.reshape(craft_filter.rates_covariance(p), (3, 3))
@@ -267,7 +267,7 @@ class Flight:
             u = block.tau_cmd_wheel
             first = 0.0 if self.dead else u[0] - self.friction
             u = (first, u[1], 0.0, 0.0)
-            self.omega, self.b = rollout.stepped(
+            self.omega, self.b = rollout.propagate_step(
                 MODEL,
                 self.omega,
                 self.b,
@@ -393,8 +393,8 @@ def test_a_dead_wheel_is_one_at_the_fifth_sample_and_a_plan_is_made_anew_when_it
 def test_a_sequence_is_followed_for_its_segments_and_no_longer() -> None:
     flight = Flight(rounds=0, plan_time=1e3, segment=2.0, gain_wheel=0.0)
     block = flight.go(1)
-    block._planned = (5e-4, 0.0, 0.0, 0.0, -5e-4, 0.0, 0.0, 0.0) + (0.0,) * 8
-    block._segments, block._elapsed = 2, 0
+    block._plan_torques = (5e-4, 0.0, 0.0, 0.0, -5e-4, 0.0, 0.0, 0.0) + (0.0,) * 8
+    block._segments, block._elapsed_steps = 2, 0
     block.torque_limit = block.h_limit = 1.0
     block._watch = lambda t: None  # type: ignore[method-assign]
     seen = [(flight.go(1).mode, block.tau_cmd_wheel[0]) for _ in range(4)]
@@ -467,7 +467,7 @@ def test_what_a_constant_does_is_what_another_one_would_have_done() -> None:
     def ended(x: tuple[float, ...]) -> np.ndarray:
         j = craft_filter.carrier_of(x)
         m = tuple(np.multiply(x[12:15], dipole))
-        ends = rate_observer.predicted(
+        ends = rate_observer.predict(
             x[:3], x[3:6], m, tau, wheel, j, inverse_inertia(j), 0.5
         )
         return np.concatenate(ends)
@@ -494,33 +494,33 @@ def test_what_a_constant_does_is_what_another_one_would_have_done() -> None:
 
 
 def test_what_is_certain_stays_and_what_is_unknown_is_only_considered() -> None:
-    passed = craft_filter.Passed(
+    passed = craft_filter.Interval(
         1.0, (2.0, -2.0, 2.0), ZERO, ZERO, (3e-5, -1e-5, 2e-5), ZERO, 0.0
     )
     for certain in (setting(0.0, 0.0, 0.0), setting(0.03, 0.5, 4e-6)):
         x, p = craft_filter.begin(FIELD, ZERO, certain)
         first = x
         learns = certain.doubts.moment == 0.0
-        x, p, _ = craft_filter.updated(x, p, passed, certain, learns)
+        x, p, _ = craft_filter.update(x, p, passed, certain, learns)
         assert x[6:] == first[6:]
         assert x[:6] != first[:6]
     matrix = np.reshape(p, (24, 24))
     assert np.array_equal(matrix, matrix.T)
     begun = np.reshape(craft_filter.begin(FIELD, ZERO, certain)[1], (24, 24))
     assert np.array_equal(matrix[6:, 6:], begun[6:, 6:])
-    x, p, _ = craft_filter.updated(x, p, passed, certain, True)
+    x, p, _ = craft_filter.update(x, p, passed, certain, True)
     assert x[12:15] != first[12:15]
 
 
 def test_a_field_that_is_no_number_or_a_negative_variance_is_unsound() -> None:
     it = setting(0.03, 0.5, 4e-6)
     x, p = craft_filter.begin(FIELD, ZERO, it)
-    passed = craft_filter.Passed(1.0, ZERO, ZERO, ZERO, FIELD, ZERO, 0.0)
-    assert craft_filter.updated(x, p, passed, it, True)[2] < 1.0
+    passed = craft_filter.Interval(1.0, ZERO, ZERO, ZERO, FIELD, ZERO, 0.0)
+    assert craft_filter.update(x, p, passed, it, True)[2] < 1.0
     wrong = passed._replace(field=(inf, 0.0, 0.0))
-    assert craft_filter.updated(x, p, wrong, it, True)[2] == kalman.UNSOUND
+    assert craft_filter.update(x, p, wrong, it, True)[2] == kalman.UNSOUND
     negative = tuple(-1.0 if k == 25 * 12 else v for k, v in enumerate(p))
-    assert craft_filter.updated(x, negative, passed, it, True)[2] == kalman.UNSOUND
+    assert craft_filter.update(x, negative, passed, it, True)[2] == kalman.UNSOUND
 
 
 def test_the_filter_begins_with_what_it_is_told() -> None:
@@ -574,7 +574,7 @@ def test_rate_and_field_walk_with_the_root_of_time() -> None:
     begun = craft_filter.Setting(doubts, CARRIER, 3e-5, 2e-7)
     x, p = craft_filter.begin(FIELD, ZERO, begun)
     state, covariance = list(x), list(p)
-    passed = craft_filter.Passed(4.0, ZERO, ZERO, ZERO, FIELD, ZERO, 0.0)
+    passed = craft_filter.Interval(4.0, ZERO, ZERO, ZERO, FIELD, ZERO, 0.0)
     craft_filter._predict(state, covariance, x, passed, begun)
     assert tuple(state) == x
     variances = [(3e-5) ** 2 * 4.0] * 3 + [(2e-7) ** 2 * 4.0] * 3 + [0.0] * 18
@@ -614,7 +614,7 @@ def test_a_measurement_corrects_as_a_kalman_filter(is_of_rate: bool) -> None:
     x, root = random.normal(size=24), 0.1 * random.normal(size=(24, 24))
     dipole, noise = (0.2, -0.3, 0.1), 0.3
     seen = (0.5, -0.4, 0.3)
-    passed = craft_filter.Passed(1.0, dipole, ZERO, ZERO, seen, seen, noise)
+    passed = craft_filter.Interval(1.0, dipole, ZERO, ZERO, seen, seen, noise)
     state, covariance = x.tolist(), (root @ root.T).ravel().tolist()
     p, more = root @ root.T, 0.0 if is_of_rate else craft_filter.UNDERWEIGHT
     if is_of_rate:
@@ -638,16 +638,16 @@ def test_a_constant_is_held_within_four_deviations() -> None:
     x, p = craft_filter.begin(FIELD, ZERO, it)
     far = x[:6] + (-9.0, 9.0, 0.3, 9.0, 0.0, 0.0) + (-7.0, 1.0, 8.0) + (1.0,) * 9
     state = list(far)
-    craft_filter._bound(state, it)
+    craft_filter._limit_constants(state, it)
     assert state[6] == pytest.approx(craft_filter.LEAST_MOMENT * CARRIER[0])
     assert state[7] == pytest.approx(CARRIER[4] + 2.0)
     assert state[9] == pytest.approx(0.4)
     assert state[12:15] == [-1.0, 1.0, 3.0]
     assert state[15:] == pytest.approx([1.6e-5] * 9)
     # moments so small, with such a product, belong to nothing
-    still = craft_filter.Passed(1.0, ZERO, ZERO, ZERO, FIELD, ZERO, 0.0)
+    still = craft_filter.Interval(1.0, ZERO, ZERO, ZERO, FIELD, ZERO, 0.0)
     thin = (*x[:6], 0.06, 0.06, 0.06, 0.05, 0.05, -0.05, *x[12:])
-    assert craft_filter.updated(thin, p, still, it, False)[2] == kalman.UNSOUND
+    assert craft_filter.update(thin, p, still, it, False)[2] == kalman.UNSOUND
 
 
 def test_it_learns_the_inertia_and_the_coupling_once_the_rate_is_known() -> None:

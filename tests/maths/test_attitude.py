@@ -37,7 +37,7 @@ vec3 = st.tuples(number, number, number)
 quaternion = (
     st.tuples(number, number, number, number)
     .filter(lambda q: sum(x * x for x in q) > 1e-3)
-    .map(attitude.normalised)
+    .map(attitude.normalise)
 )
 
 
@@ -84,7 +84,7 @@ def test_propagated_solves_the_kinematics(q, omega, t):
         [[0, z, -y, x], [-z, 0, x, y], [y, -x, 0, z], [-x, -y, -z, 0]]
     )  # paper 004, eq. 6
     assert np.allclose(
-        attitude.propagated(q, omega, t), expm(0.5 * w * t) @ q, atol=1e-10
+        attitude.propagate(q, omega, t), expm(0.5 * w * t) @ q, atol=1e-10
     )
 
 

@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 from desat.components.contract.block import BlockError
 from desat.components.laws import cross_product, firing
 from desat.components.laws import gravity_gradient as laws
-from desat.components.maths.attitude import matrix, product, propagated, rotate
+from desat.components.maths.attitude import matrix, product, propagate, rotate
 from desat.components.maths.vector import cross, dot, mat_vec, norm
 from desat.components.physics import geomagnetic
 from desat.components.physics.gyrostat import check_inertia
@@ -88,8 +88,8 @@ def test_eq_6_is_the_rate_of_these_angles(q, omega):
     if abs(angles[0]) > 1.3:
         return
     step = 1e-6
-    ahead = laws.euler_angles(matrix(propagated(q, omega, step)))
-    back = laws.euler_angles(matrix(propagated(q, omega, -step)))
+    ahead = laws.euler_angles(matrix(propagate(q, omega, step)))
+    back = laws.euler_angles(matrix(propagate(q, omega, -step)))
     found = [
         math.remainder(x - y, 2.0 * math.pi) / (2.0 * step)
         for x, y in zip(ahead, back, strict=True)
@@ -230,7 +230,7 @@ def test_what_pulses_make_of_a_command_is_what_the_torquers_do(m):
     begin(coils)
     coils.m_cmd_body = (m, 0.0, 0.0)
     coils.advance(0.0, 10.0)
-    assert firing.pulsed(m, 3.604, 0.2, 10.0, 0.8) == pytest.approx(
+    assert firing.pulse_dipole(m, 3.604, 0.2, 10.0, 0.8) == pytest.approx(
         coils.m_mean_body[0], abs=1e-12
     )
 
@@ -256,7 +256,7 @@ def boom(name="manager_boom", **parameters):
     block.omega_ref_body = (0.0, -N, 0.0)
     block.b_body = B
     block.omega_bi_body = (1e-5, -N + 2e-5, 3e-5)
-    block.q_bi = propagated((0.0, 0.0, 0.0, 1.0), (0.03, -0.02, 0.1), 1.0)
+    block.q_bi = propagate((0.0, 0.0, 0.0, 1.0), (0.03, -0.02, 0.1), 1.0)
     return begin(block)
 
 
@@ -294,7 +294,7 @@ def test_the_coils_torque_is_against_tilt_rate_and_momentum(tilted):
     block = boom(wheel=0, gain_rate=0.0)
     step(
         block,
-        q_bi=propagated((0.0, 0.0, 0.0, 1.0), tuple(0.05 * x for x in tilted), 1.0),
+        q_bi=propagate((0.0, 0.0, 0.0, 1.0), tuple(0.05 * x for x in tilted), 1.0),
     )
     a = matrix(block.q_bi)
     e = tuple(25.0 * x for x in laws.tilt((a[2], a[5], a[8])))
@@ -317,7 +317,7 @@ def test_there_is_a_deadband():
 
 def test_an_inverted_craft_is_turned_by_a_wheel_that_pumps():
     block = boom(wheel=1, axes_wheel=ALONG_Y, recovery=True, recovery_momentum=0.1)
-    down = propagated((0.0, 0.0, 0.0, 1.0), (0.0, math.pi - 0.05, 0.0), 1.0)
+    down = propagate((0.0, 0.0, 0.0, 1.0), (0.0, math.pi - 0.05, 0.0), 1.0)
     step(block, q_bi=down, omega_bi_body=(0.0, -N + 1e-4, 0.0))
     assert block.mode == 2
     # the wheel goes down by as much as the body is to gain in the sense in which it
@@ -328,9 +328,9 @@ def test_an_inverted_craft_is_turned_by_a_wheel_that_pumps():
     )  # the coils damp the swing
     step(block, 1, h_wheel=(-0.1, 0.0, 0.0, 0.0))
     assert block.tau_cmd_wheel[0] == pytest.approx(0.0, abs=1e-15)
-    up = propagated((0.0, 0.0, 0.0, 1.0), (0.0, 0.05, 0.0), 1.0)
+    up = propagate((0.0, 0.0, 0.0, 1.0), (0.0, 0.05, 0.0), 1.0)
     step(block, 2, q_bi=up, omega_bi_body=(0.0, -N + 2e-3, 0.0))
-    step(block, 3, q_bi=propagated(up, (0.0, -0.1, 0.0), 1.0))
+    step(block, 3, q_bi=propagate(up, (0.0, -0.1, 0.0), 1.0))
     assert block.tau_cmd_wheel[0] > 0.0  # upright: it takes what it gave
     step(block, 4, q_bi=up, omega_bi_body=(0.0, -N + 1e-4, 0.0))
     assert block.mode == 1
@@ -445,7 +445,7 @@ def test_the_attitude_is_carried_on_by_the_rate():
     block, start, omega = feed(attitude_gain=0.0), (0.0, 0.0, 0.0, 1.0), (0.0, -N, 0.0)
     for k in range(2):
         step(block, k, q_bi=start, omega_bi_body=omega, h_wheel=(0.0,) * 4)
-    assert block._q == pytest.approx(propagated(start, omega, 10.0), abs=1e-5)
+    assert block._q == pytest.approx(propagate(start, omega, 10.0), abs=1e-5)
 
 
 def test_a_firing_teaches_of_the_next_in_proportion_to_its_size():
@@ -478,7 +478,7 @@ def test_gravity_dumps_by_a_lean():
     assert not any(block.m_cmd_body)
     # wanted: a pitch of +lean, where gravity's torque is against h_2
     assert block.tau_cmd_wheel[1] < 0.0
-    lean = matrix(propagated((0.0, 0.0, 0.0, 1.0), (0.0, block.lean_limit, 0.0), 1.0))
+    lean = matrix(propagate((0.0, 0.0, 0.0, 1.0), (0.0, block.lean_limit, 0.0), 1.0))
     assert laws.gravity_vector_torque((lean[2], lean[5], lean[8]), J, N)[1] < 0.0
 
 

@@ -190,11 +190,11 @@ def test_the_rate_across_the_field_is_omega_less_its_part_along_it(omega, b):
 def test_the_filter_is_a_first_order_low_pass_and_passes_a_ramp():
     slope, last = (1e-6, -2e-6, 0.0), (0.0, 0.0, 0.0)
     for _ in range(10):
-        last = field_rate.filtered(last, slope, 0.2, 1.0)
+        last = field_rate.low_pass(last, slope, 0.2, 1.0)
     assert last == pytest.approx(
         tuple((1 - math.exp(-2.0)) * x for x in slope), abs=1e-18
     )
-    assert field_rate.filtered((1.0, 1.0, 1.0), slope, 1e3, 1.0) == pytest.approx(slope)
+    assert field_rate.low_pass((1.0, 1.0, 1.0), slope, 1e3, 1.0) == pytest.approx(slope)
 
 
 def turning(omega, wheel, seconds, part=0.1):
@@ -229,10 +229,10 @@ def test_the_observer_finds_the_rate_from_the_field_alone(omega):
     found, b = (0.0, 0.0, 0.0), tuple(truth[0, 3:])
     still = (0.0, 0.0, 0.0)
     for row in truth[1:]:
-        found, b = rate_observer.predicted(
+        found, b = rate_observer.predict(
             found, b, still, still, tuple(wheel), J, inverse, 1.0
         )
-        found, b = rate_observer.corrected(found, b, tuple(row[3:]), 0.1, 1.0)
+        found, b = rate_observer.correct(found, b, tuple(row[3:]), 0.1, 1.0)
     assert (
         norm(sub(found, tuple(truth[-1, :3]))) < 2e-3
     )  # of 0.17: also along the field
@@ -243,9 +243,7 @@ def test_the_observer_s_model_is_euler_s_equations():
     truth = turning(omega, wheel, 1.0)
     inverse = tuple(np.linalg.inv(np.reshape(J, (3, 3))).ravel())
     still = (0.0, 0.0, 0.0)
-    w, b = rate_observer.predicted(
-        omega, B, still, still, tuple(wheel), J, inverse, 1.0
-    )
+    w, b = rate_observer.predict(omega, B, still, still, tuple(wheel), J, inverse, 1.0)
     assert w == pytest.approx(truth[-1, :3], abs=2e-6)
     assert b == pytest.approx(truth[-1, 3:], abs=1e-9)
 

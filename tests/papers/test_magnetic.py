@@ -204,7 +204,7 @@ def test_between_the_nodes_the_error_is_bounded(tables):
     for table, columns, truth in zip(tables, (6, 3), exact, strict=True):
         found = np.array(
             [
-                magnetic.interpolated(
+                magnetic.interpolate_rows(
                     tuple(table.ravel()), columns, len(TIMES), HORIZON, t
                 )
                 for t in fine
@@ -241,8 +241,8 @@ def lqr_of(tables, factor=1.0, offset=1.0):
     nodes = len(gain)
 
     def law(t, h):
-        k = magnetic.interpolated(tuple(gain.ravel()), 6, nodes, HORIZON, t)
-        p = magnetic.interpolated(tuple(g.ravel()), 3, nodes, HORIZON, t)
+        k = magnetic.interpolate_rows(tuple(gain.ravel()), 6, nodes, HORIZON, t)
+        p = magnetic.interpolate_rows(tuple(g.ravel()), 3, nodes, HORIZON, t)
         return magnetic.dipole(magnetic.lqr_costate(tuple(h), k, p), field(t), R)
 
     return law

@@ -161,8 +161,8 @@ def test_the_allocation_is_the_least_of_all_that_give_the_dipole():
     axes = np.reshape(COILS, (3, 4))
     assert pinv == pytest.approx(axes.T @ np.linalg.inv(axes @ axes.T), abs=1e-12)
     coils = to_wheels(pseudo_inverse(COILS), m)
-    assert laws.reduced(m, coils, 1e4) == m
-    half = laws.reduced(m, coils, max(map(abs, coils)) / 2.0)
+    assert laws.scale_to_limit(m, coils, 1e4) == m
+    half = laws.scale_to_limit(m, coils, max(map(abs, coils)) / 2.0)
     assert half == pytest.approx([0.5 * x for x in m])
 
 

@@ -118,7 +118,7 @@ def test_a_block_is_of_what_it_uses_of_other_files(monkeypatch, tmp_path):
     names = ("wheels", "magnetometer", "manager_predictive", "spacecraft_rigid")
 
     def computes():
-        return {name: meaning.computed(name)["computes"] for name in names}
+        return {name: meaning.index_entry(name)["computes"] for name in names}
 
     before = computes()
     roles, vector = copy / "contract" / "roles.py", copy / "maths" / "vector.py"

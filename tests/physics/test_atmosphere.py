@@ -125,10 +125,10 @@ def test_separated_gases_are_in_diffusive_equilibrium(temperature):
             n * m * 1.66054e-27 * math.exp(y)
             for (n, m, _), y in zip(gases, column, strict=True)
         )
-        assert atmosphere.separated(1e3 * z, temperature, 1.0) == pytest.approx(
+        assert atmosphere.diffusive_density(1e3 * z, temperature, 1.0) == pytest.approx(
             rho, rel=0.06
         )
-    assert atmosphere.separated(120e3, temperature, 1.0) == pytest.approx(
+    assert atmosphere.diffusive_density(120e3, temperature, 1.0) == pytest.approx(
         2.46e-8, rel=5e-3
     )
 

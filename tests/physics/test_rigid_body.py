@@ -17,7 +17,7 @@ from scipy.integrate import DOP853
 from desat.components.blocks.spacecraft_rigid import SpacecraftRigid
 from desat.components.contract.block import BlockError
 from desat.components.maths import runge_kutta
-from desat.components.maths.attitude import error_angle, matrix, normalised
+from desat.components.maths.attitude import error_angle, matrix, normalise
 from desat.components.maths.vector import (
     add,
     cross,
@@ -40,7 +40,7 @@ from desat.components.physics.orbit import MU
 from desat.components.physics.rigid_body import (
     STILL,
     course,
-    gathered,
+    integrate_ramp,
     peak,
     ramp,
     slopes,
@@ -168,14 +168,14 @@ vec3 = st.tuples(number, number, number)
 )
 def test_slopes_are_the_equations(q, h, w, given_torque, dipole, r, e):
     """The written-out slope against the same in vector functions."""
-    q = normalised((q[0], q[1], q[2], q[3] + 2.0))
+    q = normalise((q[0], q[1], q[2], q[3] + 2.0))
     inertia = (3.0, 0.1, -0.2, 0.1, 2.5, 0.3, -0.2, 0.3, 2.0)
     inverse = inverse_inertia(inertia)
     place = course(
         add((7e6, 0.0, 0.0), scale(1e5, r)), scale(7e3, w), scale(8.0, h), 5.0
     )
     field = course(scale(3e-5, w), scale(1e-8, h), scale(1e-11, r), 5.0)
-    wheels = gathered(w, ramp(h, r), 5.0)
+    wheels = integrate_ramp(w, ramp(h, r), 5.0)
     torque, m = ramp(given_torque, w), ramp(dipole, h)
 
     def at(p):
@@ -234,7 +234,7 @@ LIGHT = {
     "inertia_wheel": (5e-4,) * 4,
     "h_wheel": (0.6, -0.4, 0.33, 0.25),
     "omega_start_body": (0.1, -0.08, 0.06),
-    "q_start_bi": normalised((0.1, -0.2, 0.3, 0.9)),
+    "q_start_bi": normalise((0.1, -0.2, 0.3, 0.9)),
 }
 """3 kg m2 with products of inertia, 0.83 N m s in a pyramid, on an eccentric orbit."""
 

@@ -16,7 +16,7 @@ from desat.begin.facts import CraftFacts
 from desat.components.blocks.spacecraft_rigid import SpacecraftRigid
 from desat.components.contract.block import BlockError
 from desat.components.maths import vector
-from desat.components.maths.attitude import normalised, rotate, rotate_back
+from desat.components.maths.attitude import normalise, rotate, rotate_back
 from desat.components.physics import torques
 from desat.components.physics.gyrostat import carrier_inertia, inverse_inertia
 from desat.components.physics.orbit import MU
@@ -207,7 +207,7 @@ def test_bad_inertia_is_named():
 
 
 def test_a_driven_panel_faces_the_sun_as_a_flat_area_does() -> None:
-    sun = normalised((0.3, 0.5, -0.8, 0.0))[:3]
+    sun = normalise((0.3, 0.5, -0.8, 0.0))[:3]
     rows = (1.0, 0.0, 0.0, 2.0, 0.0, -1.5, 0.0, 0.0, 0.0) + (0.0,) * 9 * 15
     drives = (0.0, 3.0, 0.0) + (0.0,) * 45
     plates = torques.plates_of(rows)

@@ -306,8 +306,8 @@ def test_a_law_that_plans_by_the_momentum_is_refused():
 
 def test_a_law_that_is_not_affine_is_refused():
     class Strange(block_class("manager_cross_product")):
-        def dipole(self, elapsed, h):
-            m = super().dipole(elapsed, h)
+        def dipole(self, elapsed_time, h):
+            m = super().dipole(elapsed_time, h)
             return m and tuple(x * abs(x) for x in m)
 
     with pytest.raises(UnsuitedError, match="not affine"):
@@ -318,7 +318,7 @@ def test_a_law_that_is_not_affine_is_refused():
 
 def test_a_law_of_ones_own_is_one_of_the_model():
     class Mine(block_class("manager_cross_product")):
-        def dipole(self, elapsed, h):
+        def dipole(self, elapsed_time, h):
             return tuple(
                 0.5 * x for x in cross(np.array([self.b_body]), np.array([h]))[0]
             )

@@ -257,7 +257,7 @@ from desat.components.contract.block import Vec3
 class Nothing(TorquerDumping):
     """It commands nothing"""
 
-    def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:
+    def dipole(self, elapsed_time: float, h: Vec3) -> Vec3 | None:
         return None
 '''
 

@@ -37,7 +37,7 @@ import numpy as np
 from desat.components.bases.momentum_management import CAPACITY, LEAST_EIGENVALUE_RATIO
 from desat.components.laws import momentum_management as laws
 from desat.components.laws import momentum_offline as offline
-from desat.components.maths.attitude import matrix, normalised
+from desat.components.maths.attitude import matrix, normalise
 from desat.components.physics.orbit import elements_from_state, mean_motion
 from desat.components.physics.torques import gravity_gradient
 
@@ -300,7 +300,7 @@ def _course(system: System, dt: float, count: int) -> tuple[offline.Course, floa
         r, v = (environment.to_eci(x) for x in environment.motion(t))
         guidance.r_eci, guidance.v_eci = r, v
         guidance.advance(t, 0.5 * dt)
-        c = np.reshape(matrix(normalised(guidance.q_ref_bi)), (3, 3))
+        c = np.reshape(matrix(normalise(guidance.q_ref_bi)), (3, 3))
         x, y, z = (float(p) for p in c @ r)
         field[k] = environment.field_eci(r, t, igrf)
         gravity[k] = c.T @ gravity_gradient((x, y, z), inertia)

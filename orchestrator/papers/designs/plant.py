@@ -17,7 +17,7 @@ from desat.components.blocks.spacecraft_fixed_attitude import (
     constant_torque,
 )
 from desat.components.contract.block import Vec3
-from desat.components.maths.attitude import normalised, product, rotate
+from desat.components.maths.attitude import normalise, product, rotate
 from desat.components.maths.vector import norm, scale
 from desat.components.physics.orbit import lvlh_attitude
 
@@ -94,7 +94,7 @@ class Plant:
         spacecraft.r_eci, spacecraft.v_eci = r, v
         spacecraft.start()
         spacecraft.output(self.system.start)
-        self._attitude = normalised(spacecraft.q_bo)
+        self._attitude = normalise(spacecraft.q_bo)
         self.omega: Vec3 = spacecraft.omega_bi_body
         nadir = rotate(spacecraft.q_bi, scale(-1.0 / norm(r), r))
         self.n_con = constant_torque(spacecraft.inertia, self.omega, nadir, norm(r))
