@@ -30,6 +30,7 @@ WAYS = {  # way of tests/way.py -> what it leads to, and aims for TARGETS
 }
 ASSEMBLY = (  # what assembles a system
     "build.py",
+    "completion.py",
     "connect.py",
     "craft.py",
     "draft.py",

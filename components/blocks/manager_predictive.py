@@ -465,6 +465,13 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             mode, m = FALLBACK, cross_product.normalised(h, mean, norm(turn))
         else:
             mode, m = DUMPING, self._dipole(mean, rotate(q, self._costate))
+        return self._drive_actuators(mode, m, mean)
+
+    def _drive_actuators(self, mode: int, m: Vec3, mean: Vec3) -> tuple[Vec3, Split]:
+        """Command a dipole m (A m2, body) in the mean field (T) and the planned thrust.
+
+        Return the torque (N m, body) that both give, and dipole and thrust themselves.
+        """
         m = self._chosen_dipole(mode, m)
         self._coils = to_wheels(self._to_coils, m)
         dipole = self._effective_dipole(self._coils)

@@ -21,6 +21,7 @@ from desat.components.contract.roles import ECI
 from desat.fmus import starts
 
 from ..files import craft, library, paths, ssp
+from ..files.completion import complete
 from ..files.io import place_of, replace_text
 from ..files.scenario import ROOT, Scenario, families
 from ..files.ssp import ABOUT, FILE, OMS, OSP, SSC, SSD, SSV
@@ -431,7 +432,7 @@ def text(path: Path) -> str:
         If the file has problems; the text lists all.
     """
     draft = craft.read(path, Options(blocks=True))
-    draft.complete()
+    complete(draft)
     name, title = quoteattr(draft.name), draft.title
     about = f" description={quoteattr(title)}" if title else ""
     lines = [

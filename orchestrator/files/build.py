@@ -1,7 +1,7 @@
 """Build the system of a scenario: that of its craft or SSP file, with values in order.
 
 The values of a design and of the scenario replace those of the craft, those of the
-options replace both. FMUs are replaced before the values of the same source are given.
+options replace both. FMUs are replaced before the values of the same source are assignment.
 """
 
 from __future__ import annotations
@@ -206,18 +206,26 @@ def _add_options(
     replaced = []
     for text in options.sources:
         name, file, fmu, label = _chosen_fmu(text, options, draft)
-        names = [given.name for given in values if given.owner == name]
+        names = [assignment.name for assignment in values if assignment.owner == name]
         replace_fmu(
             draft, name, file, fmu, f"--source {text}", label, options.blocks, names
         )
         replaced.append(name)
-    for given in values:
-        _check_open(draft, given)
+    for assignment in values:
+        _check_open(draft, assignment)
     before = len(draft.problems)
-    draft.assign(given for given in values if given.origin not in draw_origins.values())
+    draft.assign(
+        assignment
+        for assignment in values
+        if assignment.origin not in draw_origins.values()
+    )
     if len(draft.problems) > before:
         raise DesatError("\n".join(dict.fromkeys(draft.problems[before:])))
-    draft.assign(given for given in values if given.origin in draw_origins.values())
+    draft.assign(
+        assignment
+        for assignment in values
+        if assignment.origin in draw_origins.values()
+    )
     for name in replaced:
         adopt_shared(draft, name)
 
@@ -225,12 +233,12 @@ def _add_options(
 def _option_values(
     options: Options, draw_origins: Mapping[str, str]
 ) -> Iterator[Assignment]:
-    """Yield the values of the options; raise DesatError for one that is given twice."""
+    """Yield the values of the options; raise DesatError for one that is assignment twice."""
     names_given = set()
     for text in options.sets:
         owner, name, value = parse_assignment(text)
         if (owner, name) in names_given:
-            raise DesatError(f"--set {text}: {owner}.{name} is given twice")
+            raise DesatError(f"--set {text}: {owner}.{name} is assignment twice")
         names_given.add((owner, name))
         typed = text.partition("=")[2].strip()
         yield Assignment(owner, name, value, f"--set {text}", typed)
@@ -240,14 +248,14 @@ def _option_values(
         yield Assignment(owner, name, value, origin, subject=draw_origins.get(key, ""))
 
 
-def _check_open(draft: Draft, given: Assignment) -> None:
+def _check_open(draft: Draft, assignment: Assignment) -> None:
     """Raise DesatError if an output feeds the input that a value is for."""
-    name = given.name
+    name = assignment.name
     for c in draft.connections:
         end = c.input if name != base_name(name) else c.input_array
-        if c.target == given.owner and end == name:
+        if c.target == assignment.owner and end == name:
             raise DesatError(
-                f"{given.origin}: {given.owner}.{name}: {c.source}.{c.output} feeds it: it never "
+                f"{assignment.origin}: {assignment.owner}.{name}: {c.source}.{c.output} feeds it: it never "
                 "has this value"
             )
 

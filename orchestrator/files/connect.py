@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from desat.components.contract.units import Unit, conversion
 
@@ -17,9 +16,7 @@ from ..system.errors import DesatError, nearest
 from ..system.interface import MISSING, Interface, Signal, base_name
 from ..system.model import Connection, Connector
 from ..system.parameters import known_unit
-
-if TYPE_CHECKING:
-    from .draft import Draft
+from .draft import Draft
 
 # The kinds of outputs that an input of each kind takes: none loses anything.
 _ACCEPTED = {

@@ -387,10 +387,10 @@ def _number(file: CraftFile, component: Component, parameter: str) -> Any:
     parameters = file.table("parameters").get(component.name, {})
     value = parameters.get(parameter) if isinstance(parameters, dict) else None
     value = file.table("shared").get(parameter) if value is None else value
-    interface, given = component.interface, {}
+    interface, scalars = component.interface, {}
     if value is not None:
-        given = expand(interface, parameter, value, parameter)
-    flat = [given.get(s.name, s.start) for s in interface.elements.get(parameter, ())]
+        scalars = expand(interface, parameter, value, parameter)
+    flat = [scalars.get(s.name, s.start) for s in interface.elements.get(parameter, ())]
     return flat if len(flat) > 1 else flat[0]
 
 

@@ -9,6 +9,7 @@ from pathlib import PurePath
 from ..system.errors import DesatError, nearest, require
 from ..system.interface import MISSING, Interface, base_name
 from ..system.model import Component, Connection, Fmu
+from ..system.parameters import expand
 from . import library
 from .draft import Draft
 
@@ -77,18 +78,24 @@ def replace_fmu(
     draft.components[name] = component
     if interface is MISSING:
         return
+    for key, value in component.parameters.items():
+        place = old.origins.get(base_name(key), draft.place)
+        try:
+            expand(interface, key, value, f"{place}: {name}")
+        except DesatError as error:
+            draft.refused[name, base_name(key)] = str(error)
     dropped = dict.fromkeys(base_name(k) for k in old.parameters if k not in alike)
     if given_names is None:
         # a default of the craft may go; a value for this component is told of
         own_key = f"parameters.{name}."
-        lost = [k for k in dropped if own_key in old.origins.get(k, "")]
+        dropped_names = [k for k in dropped if own_key in old.origins.get(k, "")]
         of_whom = "the craft"
     else:
-        lost = [k for k in dropped if k not in given_names]
+        dropped_names = [k for k in dropped if k not in given_names]
         of_whom = "the FMU that it replaces"
-    if lost:
+    if dropped_names:
         draft.warnings.append(
-            f"{name}: {label} does not take {', '.join(lost)} of {of_whom}"
+            f"{name}: {label} does not take {', '.join(dropped_names)} of {of_whom}"
         )
     _drop_unwanted(draft, component)
 

@@ -216,7 +216,7 @@ class _Reader:
         # path where each value is bound; a later value replaces an earlier one
         self.values: list[tuple[str, _SetValue]] = []
         # values by component and name, as they reach it
-        self.given: dict[tuple[str, str], _SetValue] = {}
+        self.set_values: dict[tuple[str, str], _SetValue] = {}
         self.hints: dict[str, float] = {}  # step (s) of single components, by path
 
     def at(self, element: Any) -> str:
@@ -439,7 +439,7 @@ class _Reader:
 
     def give_to(self, component: Component, name: str, value: _SetValue) -> None:
         """Keep a parameter set's value of a component's parameter; the last counts."""
-        self.given[component.name, name] = value
+        self.set_values[component.name, name] = value
 
     def assign(self) -> None:
         """Set the parameters of the components, the structural ones first."""
@@ -450,7 +450,7 @@ class _Reader:
             return name in draft.components[owner].interface.structural
 
         for (owner, name), value in sorted(
-            self.given.items(), key=lambda item: not is_structural(item)
+            self.set_values.items(), key=lambda item: not is_structural(item)
         ):
             component = draft.components[owner]
             place = f"{value.at}: {owner}.{name}"

@@ -31,6 +31,7 @@ from ..campaign.draws import RunRow, draws
 from ..campaign.spread import Spread, spreads
 from ..files import identity, paths
 from ..files.build import build
+from ..files.completion import system_of
 from ..files.io import replace_text
 from ..files.scenario import Scenario, families, scenarios
 from ..language.content import NOTHING
@@ -135,7 +136,7 @@ def digest(scenario: Scenario) -> str:
     DesatError
         If the scenario has no system.
     """
-    system = build(scenario, Options(blocks=True)).system()
+    system = system_of(build(scenario, Options(blocks=True)))
     return identity.of_system(
         system, Options(blocks=True), scenario.each_draw, identity.JUDGED
     )

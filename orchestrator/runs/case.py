@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from ..analyses.manifest import Manifest
 from ..engine.trial_initialisation import refusals
+from ..files.completion import complete
 from ..files.draft import Draft
 from ..files.scenario import Scenario
 from ..files.ssp import ABOUT
@@ -77,7 +78,7 @@ class Case:
     @classmethod
     def of_draft(cls, scenario: Scenario, options: Options, draft: Draft) -> Case:
         """Complete a draft; problems and warnings are those of the draft so far."""
-        system = draft.complete()
+        system = complete(draft)
         return cls(
             scenario, options, draft, system, None, draft.problems, draft.warnings
         )

@@ -172,8 +172,8 @@ def content_problems(case: Case) -> Iterator[str]:
         return
     content, components, system = source.content, None, None
     if not source.is_system_file and case.options.sources:
-        own = Options(blocks=case.options.blocks)
-        components = build(case.scenario, own).components
+        plain = Options(blocks=case.options.blocks)
+        components = build(case.scenario, plain).components
     elif not source.is_system_file:
         components = case.draft.components
         system = case.system if case.schedule else None

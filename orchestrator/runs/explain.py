@@ -16,6 +16,7 @@ from desat.fmus.description import describe
 from ..engine.recording.results import frame_of
 from ..files import paths, reader, scenario
 from ..files.build import build
+from ..files.completion import complete
 from ..files.merge import origin
 from ..files.scenario import Scenario
 from ..numbers.measures import LATE, MEASURES
@@ -54,7 +55,7 @@ def _of_content(scenario_checked: Scenario, of_systems: bool) -> list[str]:
         return str(error).splitlines()
     if draft.problems:
         return draft.problems
-    system = draft.complete()
+    system = complete(draft)
     wrong = validation.content_problems(
         scenario_checked.content, draft.components, system
     )

@@ -11,6 +11,7 @@ from desat.components.contract.block import BlockError
 from ..analyses.motion import period_of
 from ..files import craft, paths, scenario
 from ..files.build import build
+from ..files.completion import system_of
 from ..files.draft import Draft
 from ..files.scenario import Scenario
 from ..language.content import NOTHING
@@ -121,7 +122,7 @@ def resolved(target: str | Scenario, options: Options) -> tuple[System, Any]:
     """
     source = read(target) if isinstance(target, str) else target
     options = with_stop(source, options)
-    return draft_of(source, options).system(), source.each_draw
+    return system_of(draft_of(source, options)), source.each_draw
 
 
 def draft_of(source: Scenario, options: Options) -> Draft:

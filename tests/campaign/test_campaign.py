@@ -32,7 +32,7 @@ from desat.campaign.plan import CampaignPlan
 from desat.campaign.sampling import axes, draw_of
 from desat.campaign.workers import Local, NoResult, results
 from desat.engine.master import Master
-from desat.files.draft import Draft
+from desat.runs import case as case_of_draft
 from desat.runs import prepare as prepare_module
 from desat.runs import progress
 from desat.runs.cases import Cases, draft_to_draw
@@ -989,9 +989,9 @@ def test_a_master_that_begins_anew_makes_the_bits_of_a_new_one(
 
 def test_a_worker_prepares_once(monkeypatch):
     results = []
-    complete = Draft.complete
+    complete = case_of_draft.complete
     monkeypatch.setattr(
-        Draft, "complete", lambda draft: results.append(1) or complete(draft)
+        case_of_draft, "complete", lambda draft: results.append(1) or complete(draft)
     )
     plan = CampaignPlan("alsat1/basin-y-wheel", "", 5, options=Options(stop=600.0))
     plan_module._cases.cache_clear()

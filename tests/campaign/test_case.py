@@ -117,7 +117,7 @@ def test_a_case_that_is_kept_needs_room_and_no_signal(
     monkeypatch, tmp_path, code, raises
 ):
     written = []
-    monkeypatch.setattr(campaign_case, "source", lambda plan: "a")
+    monkeypatch.setattr(campaign_case, "cases_of", lambda plan: Cases("a"))
     monkeypatch.setattr(campaign_case, "prepare", lambda target, options: options)
     monkeypatch.setattr(campaign_case, "choose_for_cases", lambda *_: "once for all")
 

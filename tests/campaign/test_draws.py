@@ -49,7 +49,7 @@ def test_paired_differences_are_those_of_the_draws(other):
         assert entry["min"] <= entry["median"] <= entry["max"]
     assert result["coil_load"].equal < 3
     assert [r.values for r in ours] == [r.values for r in theirs]
-    found = common(read(NAME), read(target), 4, SHORT, SHORT)
+    found = common(Cases(read(NAME)), Cases(read(target)), 4, SHORT, SHORT)
     assert found["drawn_only_in_it"] == found["drawn_only_in_the_other"] == []
 
 
@@ -63,7 +63,7 @@ def test_what_is_drawn_otherwise_is_refused_and_what_one_draws_is_said(other):
     text = """without = ['dispersions.{}']\ndispersions."{}" = {}"""
     h, seed = "wheels.h_start_wheel", "*.seed"
     target = other(text.format(seed, "magnetometer.seed", "{ seed = true }"))
-    found = common(read(NAME), read(target), 1, SHORT, SHORT)
+    found = common(Cases(read(NAME)), Cases(read(target)), 1, SHORT, SHORT)
     assert found["drawn_only_in_the_other"] == []
     assert "tachometers.seed" in found["drawn_only_in_it"]
     assert "magnetometer.seed" in found["drawn_in_both"]
@@ -71,10 +71,10 @@ def test_what_is_drawn_otherwise_is_refused_and_what_one_draws_is_said(other):
     with pytest.raises(
         DesatError, match=r"h_start_wheel is drawn as .*0\.006.* and as .*0\.005"
     ):
-        common(read(NAME), read(target), 1, SHORT, SHORT)
+        common(Cases(read(NAME)), Cases(read(target)), 1, SHORT, SHORT)
     target = other('without = ["dispersions"]')
     with pytest.raises(DesatError, match="the two sample nothing in common"):
-        common(read(NAME), read(target), 1, SHORT, SHORT)
+        common(Cases(read(NAME)), Cases(read(target)), 1, SHORT, SHORT)
 
 
 def test_a_drawn_value_that_is_refused_is_named(other):
@@ -163,7 +163,9 @@ def test_what_a_sweep_refuses(axis, message):
 
 
 def test_a_drawn_parameter_is_no_axis_of_draws():
-    (name,) = common(read(NAME), read(NAME), 1, SHORT, SHORT)["drawn_in_both"][:1]
+    (name,) = common(Cases(read(NAME)), Cases(read(NAME)), 1, SHORT, SHORT)[
+        "drawn_in_both"
+    ][:1]
     with pytest.raises(DesatError, match=f"{name} is sampled"):
         sweep(NAME, {name: [1.0]}, SHORT, 1, draws=2)
     options = draws(NAME, 1, 1, Options(blocks=True, stop=10.0, sets=[f"{name}=1"]), 1)

@@ -182,7 +182,7 @@ def corrupted(tmp_path, signal: str, factor: float, name: str = "gyrostat/full")
         lines.append(line)
     assert count == 4
     ssd.write_text("\n".join(lines), encoding="utf-8")
-    draft = read(tmp_path)
+    draft = read(tmp_path, Options())
     assert not draft.problems
     assert {c.factor for c in draft.connections} == {1.0, factor}
     return execute(str(tmp_path), Options())

@@ -20,6 +20,7 @@ from desat.engine.loop import run, stepping
 from desat.engine.master import Master
 from desat.engine.recording.recorder import Recorder
 from desat.files.build import build
+from desat.files.completion import system_of
 from desat.files.draft import Draft
 from desat.files.scenario import find, scenarios
 from desat.runs.checks import check_draft
@@ -113,7 +114,7 @@ def draft(components, wires, **more) -> Draft:
 
 
 def system(components, wires, **more) -> System:
-    return draft(components, wires, **more).system()
+    return system_of(draft(components, wires, **more))
 
 
 @pytest.fixture(autouse=True)

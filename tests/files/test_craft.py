@@ -12,6 +12,7 @@ from desat.components.contract import roles
 from desat.export import packing
 from desat.files import craft, paths, scenario, ssp
 from desat.files.build import build
+from desat.files.completion import complete
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
 from desat.system.interface import elements, misfit, of_block, usual_sources
@@ -306,7 +307,7 @@ def test_a_craft_file_gives_a_parameter_as_another(tmp_path):
     text = GOOD.replace("[parameters.manager]", f"[parameters.manager]\n{line}")
     draft = draft_of(tmp_path, text)
     assert draft.components["manager"].references == {"m_limit": "torquers.m_limit"}
-    draft.complete()
+    complete(draft)
     components = draft.components
     limit = components["torquers"].values["m_limit"]
     assert components["manager"].values["m_limit"] == limit

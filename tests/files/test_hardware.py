@@ -10,6 +10,7 @@ import pytest
 
 from desat.analyses.flight import hardware_of, values_of
 from desat.files import craft
+from desat.files.completion import complete
 from desat.files.hardware import KINDS, figures, known_figures, quantity, values
 from desat.fmus.registry import block_class
 from desat.runs.prepare import prepare
@@ -43,7 +44,7 @@ RPM = math.pi / 30.0
 def components_of(folder, text: str, base: str = CRAFT):
     (folder / "mine.toml").write_text(base + text, encoding="utf-8")
     draft = craft.read(folder / "mine.toml", Options())
-    draft.complete()
+    complete(draft)
     return draft.components
 
 

@@ -23,6 +23,7 @@ from desat.components.laws import least_firing
 from desat.engine import loop
 from desat.numbers.measures import growth_between
 from desat.report.run_tables import tabulate_numbers
+from desat.runs.checking import check
 from desat.runs.prepare import prepare
 from desat.runs.run import execute
 from desat.sizing import dumps, page
@@ -132,7 +133,7 @@ def test_a_dump_that_waits_begins_before_the_wheels_are_full():
 )
 def test_a_wait_that_cannot_be_afforded_is_refused(tmp_path, options, count):
     write(tmp_path / "c", FAR, "")
-    checked = prepare(str(tmp_path / "c"), Options(sets=list(options)))
+    checked = check(str(tmp_path / "c"), Options(sets=list(options)))
     assert len([x for x in checked.problems if "wait" in x]) == count
     if options == ("manager.latest=0",):
         (line,) = checked.problems

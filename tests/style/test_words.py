@@ -334,7 +334,7 @@ KEPT_NAMES = {
     ("orchestrator/analyses/manifest.py", "flown"): "a key of manifest.json",
     ("orchestrator/sizing/compatibility.py", "why"): "a key of compare --json",
     ("orchestrator/studies/tune.py", "own"): "a key of tune --json",
-    ("orchestrator/system/parameters.py", "given"): "a key of manifest.json",
+    ("orchestrator/system/model.py", "given"): "a key of manifest.json",
     ("orchestrator/language/paper.py", "what"): "a key of scenario files",
     ("orchestrator/engine/compiled.py", "how"): "a field of loop.c",
     ("orchestrator/engine/compiled.py", "asked"): "a field of loop.c",
