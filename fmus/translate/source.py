@@ -10,6 +10,7 @@ import tokenize
 import types as python_types
 import typing
 from collections import Counter
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -127,13 +128,7 @@ class Info:
             raise SubsetError(
                 f"{self.place}:{self.node.lineno}: * in {self.name}'s parameters: name them"
             )
-        names = [*arguments.posonlyargs, *arguments.args]
-        values = [self.no_default] * (len(names) - len(defaults)) + list(defaults)
-        names += arguments.kwonlyargs
-        values += [
-            keyword_defaults.get(a.arg, self.no_default) for a in arguments.kwonlyargs
-        ]
-        pairs = list(zip(names, values, strict=True))
+        pairs = self._parameters_with_defaults(arguments, defaults, keyword_defaults)
         if callee.is_method:
             pairs = pairs[1:]
         self.parameters = [(a.arg, v) for a, v in pairs]
@@ -145,6 +140,20 @@ class Info:
         self.is_constant: Any = None
         if self.is_cached and not self.parameters:
             self.is_constant = callee.function()
+
+    def _parameters_with_defaults(
+        self,
+        arguments: ast.arguments,
+        defaults: tuple[Any, ...],
+        keyword_defaults: Mapping[str, Any],
+    ) -> list[tuple[ast.arg, Any]]:
+        """Pair each parameter with its default, or with `no_default`."""
+        names = [*arguments.posonlyargs, *arguments.args]
+        values = [self.no_default] * (len(names) - len(defaults)) + list(defaults)
+        values += [
+            keyword_defaults.get(a.arg, self.no_default) for a in arguments.kwonlyargs
+        ]
+        return list(zip([*names, *arguments.kwonlyargs], values, strict=True))
 
     def _find_slice_bounds(self) -> set[str]:
         """Return the names in slices that the function never assigns."""
