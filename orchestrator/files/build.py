@@ -1,7 +1,7 @@
 """Build the system of a scenario: that of its craft or SSP file, with values in order.
 
 The values of a design and of the scenario replace those of the craft, those of the
-options replace both. FMUs are replaced before the values of the same source are assignment.
+options replace both. FMUs are replaced before the values of the same source are given.
 """
 
 from __future__ import annotations
@@ -233,12 +233,12 @@ def _add_options(
 def _option_values(
     options: Options, draw_origins: Mapping[str, str]
 ) -> Iterator[Assignment]:
-    """Yield the values of the options; raise DesatError for one that is assignment twice."""
+    """Yield the values of the options; raise DesatError for one that is given twice."""
     names_given = set()
     for text in options.sets:
         owner, name, value = parse_assignment(text)
         if (owner, name) in names_given:
-            raise DesatError(f"--set {text}: {owner}.{name} is assignment twice")
+            raise DesatError(f"--set {text}: {owner}.{name} is given twice")
         names_given.add((owner, name))
         typed = text.partition("=")[2].strip()
         yield Assignment(owner, name, value, f"--set {text}", typed)

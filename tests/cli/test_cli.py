@@ -619,7 +619,7 @@ def test_a_scenario_file_of_ones_own(desat, tmp_path):
         is_problem = "no component" in message
         assert result.returncode == (Exit.UNMET if is_problem else Exit.INPUT)
         assert message in result.stderr
-        assert len(result.stderr.splitlines()) == 1
+        assert len(result.stderr.splitlines()) == 1 + is_problem
 
 
 def test_one_scenario_is_found_in_its_one_file():
