@@ -19,7 +19,7 @@ sys.path.insert(0, str(ROOT))
 from benchmarks import seen  # noqa: E402
 from desat.campaign import coordinator, store  # noqa: E402
 from desat.runs.run import Options  # noqa: E402
-from tests.engine.test_failures import FAILURES, compiled, drawn_to_fail  # noqa: E402
+from tests.engine.test_failures import FAILURES, compile_failing, drawn_to_fail  # noqa: E402
 
 WAYS = ["NOTHING"] * 989 + ["SEGFAULT"] * 10 + ["HANG"]
 LIMIT = 2.0
@@ -32,7 +32,7 @@ MESSAGES = {
 
 def fly(folder: Path, cases: int) -> dict[str, object]:
     """Make the campaign; what became of its cases."""
-    system = drawn_to_fail(folder / "s", compiled(folder), WAYS)
+    system = drawn_to_fail(folder / "s", compile_failing(folder), WAYS)
     plan, _ = coordinator.planned(system, cases, options=Options(step=1.0), limit=LIMIT)
     began = time.monotonic()
     coordinator.run(plan, folder / "campaign", 2, progress=False)

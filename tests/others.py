@@ -35,7 +35,7 @@ from desat.engine.recording.results import Results  # noqa: E402
 from desat.export.packing import pack  # noqa: E402
 from desat.runs.run import Options, prepare  # noqa: E402
 from tests.engine.test_failures import FAILURES as WAYS  # noqa: E402
-from tests.engine.test_failures import compiled, fmu, ssd  # noqa: E402
+from tests.engine.test_failures import compile_failing, fmu, ssd  # noqa: E402
 
 PATIENCE = 10.0
 """A process that has not ended after so long (s) is killed."""
@@ -185,7 +185,7 @@ def all_of(tool: str, failures: Iterable[str] = FAILURES) -> dict[str, dict[str,
     that of their time."""
     found = {}
     with tempfile.TemporaryDirectory() as directory:
-        binary = compiled(Path(directory))
+        binary = compile_failing(Path(directory))
         for failure in failures:
             folder = Path(directory) / failure
             folder.mkdir()

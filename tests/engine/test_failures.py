@@ -102,7 +102,7 @@ def fmu(
     return path
 
 
-def compiled(folder: Path, *flags: str) -> bytes:
+def compile_failing(folder: Path, *flags: str) -> bytes:
     """The library of failing.c."""
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None or sys.platform != "linux":
@@ -128,7 +128,7 @@ def compiled(folder: Path, *flags: str) -> bytes:
 
 @pytest.fixture(scope="session")
 def binary(tmp_path_factory) -> bytes:
-    return compiled(tmp_path_factory.mktemp("failing"))
+    return compile_failing(tmp_path_factory.mktemp("failing"))
 
 
 @pytest.fixture
@@ -504,7 +504,10 @@ def test_what_refuses_to_be_instantiated_is_heard(system, tmp_path):
     """Also where it has a process, of which nothing is left; and what cannot even be
     loaded, and what ends its process then."""
     before = children()
-    refuses, dies = compiled(tmp_path, "-DREFUSES"), compiled(tmp_path, "-DDIES")
+    refuses, dies = (
+        compile_failing(tmp_path, "-DREFUSES"),
+        compile_failing(tmp_path, "-DDIES"),
+    )
     died = "bad: instantiating it ended {} process: SIGSEGV"
     for built, isolate, text, code in (
         (refuses, "none", "bad: cannot be instantiated: no licence", 2),

@@ -19,7 +19,7 @@ from desat.runs.prepare import prepare
 from desat.system.errors import DesatError
 from desat.system.options import Options
 from tests.conftest import ROOT
-from tests.engine.test_failures import FAILURES, compiled, fmu
+from tests.engine.test_failures import FAILURES, compile_failing, fmu
 
 NAMESPACES = " ".join(
     f'xmlns:{prefix}="http://ssp-standard.org/SSP1/SystemStructure{name}"'
@@ -545,7 +545,7 @@ def leaving(folder: Path, gain: Path) -> str:
 
 def not_finite(folder: Path, gain: Path) -> str:
     """In the first step, which begins at 5 s."""
-    fmu(folder / "resources/failing.fmu", compiled(folder))
+    fmu(folder / "resources/failing.fmu", compile_failing(folder))
     way = inline({"how": FAILURES.index("NOT_FINITE")}).replace("Real", "Integer")
     return system(
         "s",

@@ -51,7 +51,7 @@ def test_a_pipe_stays_and_nothing_is_computed(folder, line, monkeypatch):
     pipe = folder / "pipe"
     if not pipe.exists():
         os.mkfifo(pipe)
-    code, message = commands.ended(shlex.split(line.replace("OUT", "pipe")), folder)
+    code, message = commands.run_line(shlex.split(line.replace("OUT", "pipe")), folder)
     assert (code, message) == (
         2,
         f"error: {WRITERS[line]} pipe: not a regular file; nothing is written in its place\n",
@@ -79,7 +79,7 @@ def test_what_is_planted_where_a_file_goes(tmp_path, line, kind):
         (tmp_path / "craft" / "craft.toml").read_bytes()
     )
     if line.startswith("build"):
-        assert commands.ended(["new", "law", "my_own"], tmp_path)[0] == 0
+        assert commands.run_line(["new", "law", "my_own"], tmp_path)[0] == 0
     planted, target = tmp_path / PLANTED[line], tmp_path / "target"
     planted.parent.mkdir(exist_ok=True)
     planted.unlink(missing_ok=True)
@@ -91,7 +91,7 @@ def test_what_is_planted_where_a_file_goes(tmp_path, line, kind):
         planted.symlink_to(target if kind == "link" else planted)
         if kind == "link":
             target.write_text("before")
-    code, message = commands.ended(shlex.split(line), tmp_path)
+    code, message = commands.run_line(shlex.split(line), tmp_path)
     if kind == "link":
         assert code == 0, message
         assert planted.is_symlink()
@@ -112,7 +112,7 @@ def test_what_is_planted_where_a_file_goes(tmp_path, line, kind):
 def test_a_loop_is_written_at_the_end_of_a_link(tmp_path):
     commands.prepare(tmp_path)
     (tmp_path / "link.fmu").symlink_to("real.fmu")
-    code, message = commands.ended(
+    code, message = commands.run_line(
         ["export", "fmu", "mine", "--out", "link.fmu"], tmp_path
     )
     assert code == 0, message

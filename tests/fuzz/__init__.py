@@ -27,7 +27,7 @@ from desat.files import library
 from desat.runs.prepare import prepare
 from desat.system.errors import DesatError
 from desat.system.options import Options
-from tests.fuzz.mutations import mutated
+from tests.fuzz.mutations import mutate
 from tests.fuzz.seeds import BARE, FILES, TARGETS, library_of_ours, plain_kind, seeds
 
 LONGEST = 5.0
@@ -79,7 +79,7 @@ def inputs(seed: int, count: int) -> Iterator[tuple[str, bytes]]:
     rng, known = random.Random(seed), seeds()
     for _ in range(count):
         kind = rng.choice(list(known))
-        yield kind, mutated(plain_kind(kind), known[kind], rng)
+        yield kind, mutate(plain_kind(kind), known[kind], rng)
 
 
 def run(folder: Path, seed: int, count: int) -> Outcome:

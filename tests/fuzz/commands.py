@@ -62,7 +62,7 @@ WRITTEN = (
     f"campaign nowhere -n 1 --seed 1 --accuracy 1e-7 --case-limit 9 --jobs 1 {FLIGHT}",
     "campaign nowhere -n 1 --sampling random --keep every:1 --case-limit 10",
 )
-QUICK = (*WRITTEN, *tree.generated("nowhere"))
+QUICK = (*WRITTEN, *tree.generate_lines("nowhere"))
 """What ends at once: `nowhere` is no scenario, which is seen when the options have been
 read."""
 WITH_FLIGHTS = (
@@ -77,7 +77,7 @@ WITH_FLIGHTS = (
     "export fmu",
 )
 SLOW = (
-    *tree.generated("mine", with_flights=True, only=WITH_FLIGHTS),
+    *tree.generate_lines("mine", with_flights=True, only=WITH_FLIGHTS),
     f"run mine --checkpoint 1 --call-limit 9 --time-limit 9 --accuracy 1e-7 {FLIGHT}",
     f"campaign mine -n 1 --seed 1 --jobs 1 {FLIGHT}",
     f"sweep mine manager.gain=1e-3,2e-3 --jobs 1 {FLIGHT}",
@@ -178,7 +178,7 @@ def prepare(folder: Path) -> None:
     (folder / "iss.tle").write_text(TLE, encoding="utf-8")
     (folder / "torque.csv").write_text("0,1e-6,0,0\n100,0,1e-6,0\n", encoding="utf-8")
     (folder / "trusted.txt").write_text(f"{64 * 'a'}  a.fmu\n", encoding="utf-8")
-    code, message = ended(
+    code, message = run_line(
         ["new", "craft", "mine", "--size", "3U", "--altitude", "400km"], folder
     )
     assert code == 0, message
@@ -188,7 +188,7 @@ def _interrupt(number: int, frame: Any) -> None:
     raise KeyboardInterrupt
 
 
-def ended(line: Sequence[str], folder: Path) -> tuple[int, str]:
+def run_line(line: Sequence[str], folder: Path) -> tuple[int, str]:
     """The exit code of a command line in a folder, and all that it says."""
     message, before = io.StringIO(), (os.getcwd(), sys.argv)
     handler = signal.signal(signal.SIGALRM, _interrupt)
@@ -211,7 +211,7 @@ def ended(line: Sequence[str], folder: Path) -> tuple[int, str]:
 def wrong(line: Sequence[str], folder: Path) -> str:
     """What is wrong with how a command line ends; nothing where it is right."""
     began = time.monotonic()
-    code, message = ended(line, folder)
+    code, message = run_line(line, folder)
     if code not in CODES:
         return f"exit {code}: {message.strip()[-300:]}"
     if "Traceback" in message:

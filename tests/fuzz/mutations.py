@@ -77,7 +77,7 @@ VALUES: tuple[Any, ...] = (
 )
 
 
-def mutated(kind: str, seed: bytes, rng: random.Random) -> bytes:
+def mutate(kind: str, seed: bytes, rng: random.Random) -> bytes:
     """A seed with one to four mutations."""
     data = seed
     for _ in range(rng.choice((1, 1, 2, 4))):
@@ -202,7 +202,7 @@ def _archive(data: bytes, rng: random.Random) -> bytes:
             if name.endswith("fmu")
             else "xml"
         )
-        entries[i] = (name, mutated(kind, substeps, rng))
+        entries[i] = (name, mutate(kind, substeps, rng))
     buffer = io.BytesIO()
     with warnings.catch_warnings(), zipfile.ZipFile(buffer, "w") as new:
         warnings.simplefilter("ignore")

@@ -187,7 +187,7 @@ def _start_of(name: str) -> list[str]:
     return shlex.split(STARTS.get(name, orbit))
 
 
-def generated(
+def generate_lines(
     target: str, with_flights: bool = False, only: Sequence[str] = ()
 ) -> tuple[str, ...]:
     """Return command lines of all commands, or of some, with all of their options.

@@ -143,7 +143,7 @@ def good_run(tmp_path_factory):
     """The folder in which a run lies."""
     folder = tmp_path_factory.mktemp("ends")
     line = "run nadir_day/day-dipole --stop 40 --blocks --substeps 1 --out good"
-    assert commands.ended(line.split(), folder)[0] in (0, 1)
+    assert commands.run_line(line.split(), folder)[0] in (0, 1)
     return folder
 
 
@@ -163,7 +163,7 @@ def assert_refused(bad, text):
     behind."""
     before = sorted(p.name for p in bad.iterdir())
     for line in READERS:
-        code, message = commands.ended(line.split(), bad.parent)
+        code, message = commands.run_line(line.split(), bad.parent)
         assert code == Exit.INPUT, (line, message)
         assert text in message, line
         assert "internal" not in message
@@ -264,7 +264,7 @@ def test_a_series_without_its_unit_is_refused_with_its_name(bad_run):
     with h5py.File(bad_run / "series.h5", "r+") as opened:
         del opened["spacecraft/q_bi"].attrs["unit"]
     line = "export run bad --format csv --out made"
-    code, message = commands.ended(line.split(), bad_run.parent)
+    code, message = commands.run_line(line.split(), bad_run.parent)
     assert code == Exit.INPUT
     assert "series.h5: spacecraft.q_bi, attribute unit, cannot be read" in message
     assert list((bad_run.parent / "made").iterdir()) == []
@@ -283,7 +283,7 @@ def test_a_folder_of_any_name_is_written(tmp_path, good_run, name):
         f"compare run-{name} {good_run / 'good'} --html made-{name}.html",
     )
     for line in lines:
-        code, message = commands.ended(line.split(), tmp_path)
+        code, message = commands.run_line(line.split(), tmp_path)
         assert code in (0, 1), (line, message)
     page = (tmp_path / f"made-{name}.html").read_bytes().decode()
     assert ("ger\ufffdt" if name == "ger\udce4t" else "ger\u00e4t") in page

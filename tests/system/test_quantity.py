@@ -100,7 +100,7 @@ REFUSED = {
 
 @pytest.mark.parametrize("line", REFUSED)
 def test_what_is_typed_and_means_nothing_is_a_line(folder, line):
-    code, message = commands.ended(shlex.split(line), folder)
+    code, message = commands.run_line(shlex.split(line), folder)
     assert (code, message.strip().count("\n")) == (2, 0), message
     assert message.startswith(f"error: {REFUSED[line]}")
     assert not (folder / "x").exists()
@@ -154,7 +154,7 @@ def test_the_epoch_of_a_craft_is_that_of_its_elements(tmp_path):
 
 
 def test_numbers_have_units_on_the_command_line(folder):
-    code, message = commands.ended(
+    code, message = commands.run_line(
         shlex.split("run mine --blocks --stop '2000 ms' --step 1 --substeps 1 --json"),
         folder,
     )
