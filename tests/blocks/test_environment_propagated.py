@@ -118,7 +118,7 @@ def state(block: Block) -> list[float]:
 def test_gravity_is_the_gradient_of_its_potential(degree, u):
     r = 7e6 / norm(u) * np.array(u)
     h = 2e3
-    expected = [
+    gradient = [
         (
             8 * (potential(r + h * e, degree) - potential(r - h * e, degree))
             - (potential(r + 2 * h * e, degree) - potential(r - 2 * h * e, degree))
@@ -128,7 +128,7 @@ def test_gravity_is_the_gradient_of_its_potential(degree, u):
     ]
     # the harmonics are down to 1e-5 m/s2
     assert orbit.gravity(tuple(r.tolist()), degree) == pytest.approx(
-        expected, abs=1e-10
+        gradient, abs=1e-10
     )
 
 
@@ -235,8 +235,8 @@ def test_a_state_is_its_osculating_elements(kind):
 def test_osculating_elements_are_no_mean_elements(parameters):
     """After a revolution: tens of km off where given as mean ones to the mean drift of
     J2, its periodic part where averaged first, and nothing where integrated."""
-    integrated = propagation(**parameters)
-    period = math.tau / orbit.mean_motion(integrated.semi_major_axis)
+    orbit_block = propagation(**parameters)
+    period = math.tau / orbit.mean_motion(orbit_block.semi_major_axis)
     for revolutions in (1, 15):
         t = revolutions * period
         truth = cowell(state(propagation(**parameters)), 4, t)[:3]
@@ -253,20 +253,20 @@ def test_osculating_elements_are_no_mean_elements(parameters):
             off[form] = math.dist(kepler.r_eci, truth)
         assert off["mean"] > 49e3 * revolutions
         assert off["osculating"] < 7e3
-    run(integrated, t, t)
-    assert math.dist(integrated.r_eci, truth) < 1e-3
+    run(orbit_block, t, t)
+    assert math.dist(orbit_block.r_eci, truth) < 1e-3
 
 
 @pytest.mark.parametrize("parameters", ORBITS)
 def test_mean_elements_are_those_of_the_other_block(parameters):
     """One block in the other's place: the same orbit up to its periodic part, for a
     day."""
-    integrated = propagation(**{**parameters, "orbit_start": "mean"})
+    orbit_block = propagation(**{**parameters, "orbit_start": "mean"})
     drifting = begin(EnvironmentKepler(), field="none", j2=True, **parameters)
     for t in np.arange(0.0, DAY + 1.0, DAY / 16).tolist():
-        run(integrated, t, DAY / 16, begin=max(t - DAY / 16, 0.0))
+        run(orbit_block, t, DAY / 16, begin=max(t - DAY / 16, 0.0))
         drifting.output(t)
-        assert math.dist(integrated.r_eci, drifting.r_eci) < 9e3
+        assert math.dist(orbit_block.r_eci, drifting.r_eci) < 9e3
 
 
 some_elements = st.builds(
@@ -330,7 +330,7 @@ IN_2026 = (datetime(2026, 1, 1) - datetime(2000, 1, 1, 12)).total_seconds()
 
 def test_precession():
     """SOFA's own test of pmat76: MJD 50123.9999."""
-    expected = (
+    sofa_matrix = (
         0.9999995504328350733,
         0.8696632209480960785e-3,
         0.3779153474959888345e-3,
@@ -341,9 +341,9 @@ def test_precession():
         -0.1643306746147366896e-6,
         0.9999999285899790119,
     )
-    found = earth.precession((50123.9999 - 51544.5) * DAY)
+    matrix = earth.precession((50123.9999 - 51544.5) * DAY)
     # the day is a float of seconds: 1e-8 s
-    assert found == pytest.approx(expected, abs=2e-15)
+    assert matrix == pytest.approx(sofa_matrix, abs=2e-15)
 
 
 def test_precession_by_2026():
@@ -379,9 +379,9 @@ def test_j2000_out(kind):
         of_date.output(t)
         j2000.output(t)
         for name in ("r_eci", "v_eci", "b_eci", "b_rate_eci", "b_accel_eci", "sun_eci"):
-            expected = back(getattr(of_date, name))
-            scale = norm(expected)
-            assert getattr(j2000, name) == pytest.approx(expected, abs=2e-12 * scale), (
+            vector = back(getattr(of_date, name))
+            scale = norm(vector)
+            assert getattr(j2000, name) == pytest.approx(vector, abs=2e-12 * scale), (
                 name
             )
         assert j2000.density == pytest.approx(of_date.density, rel=1e-12)
@@ -437,9 +437,9 @@ def test_turned_elements_are_of_the_turned_state(elements):
         )
         return np.array([r, v])
 
-    expected = place(elements) @ np.array(c).reshape(3, 3).T
+    place_vector = place(elements) @ np.array(c).reshape(3, 3).T
     assert place(orbit.turned(elements, c)) == pytest.approx(
-        expected, abs=1e-8 * elements.semi_major_axis
+        place_vector, abs=1e-8 * elements.semi_major_axis
     )
 
 
@@ -451,8 +451,8 @@ def test_the_field_onboard_is_of_the_same_frame(frame):
         ManagerRecedingHorizon(), sample_time=10.0, field_model="igrf", **values
     )
     outside.output(700.0)
-    found = onboard.field_eci(outside.r_eci, 700.0, igrf=True)
-    assert math.dist(found, outside.b_eci) < 2e-14
+    onboard_field = onboard.field_eci(outside.r_eci, 700.0, igrf=True)
+    assert math.dist(onboard_field, outside.b_eci) < 2e-14
 
 
 # --- drag and firings -----------------------------------------------------------------
@@ -501,11 +501,11 @@ def test_drag_against_cowell():
         density = 6.967e-13 * math.exp((500e3 - height) / 63822.0)
         return -0.5 * density * 2.2 * 0.5 / 100.0 * np.linalg.norm(w) * w
 
-    expected = cowell(state(block), 4, DAY / 4, drag)
+    cowell_state = cowell(state(block), 4, DAY / 4, drag)
     run(block, DAY / 4, 60.0)
     run(free, DAY / 4, 600.0)
-    assert math.dist(block.r_eci, expected[:3]) < 1e-2
-    assert math.dist(free.r_eci, expected[:3]) > 100.0
+    assert math.dist(block.r_eci, cowell_state[:3]) < 1e-2
+    assert math.dist(free.r_eci, cowell_state[:3]) > 100.0
 
 
 @pytest.mark.parametrize("dt", [0.5, 1.0, 4.0, 30.0])
@@ -525,15 +525,15 @@ def test_a_firing_against_cowell(dt, turning):
         block.q_bi = propagated(attitude, rate, k * dt)
         block.advance(k * dt, dt)
     block.output(300.0)
-    expected = cowell(first, 4, 300.0, push)
+    cowell_state = cowell(first, 4, 300.0, push)
     free = cowell(first, 4, 300.0)
-    assert math.dist(expected[:3], free[:3]) > 500.0
-    assert math.dist(block.r_eci, expected[:3]) < 1e-5
-    assert math.dist(block.v_eci, expected[3:]) < 1e-8
+    assert math.dist(cowell_state[:3], free[:3]) > 500.0
+    assert math.dist(block.r_eci, cowell_state[:3]) < 1e-5
+    assert math.dist(block.v_eci, cowell_state[3:]) < 1e-8
     # and after it the orbit goes on
     block.force_mean_thruster_body = (0.0, 0.0, 0.0)
     run(block, 6000.0, 10.0, begin=300.0)
-    later = cowell(expected, 4, 5700.0)
+    later = cowell(cowell_state, 4, 5700.0)
     assert math.dist(block.r_eci, later[:3]) < 1e-3
 
 
@@ -549,15 +549,15 @@ def test_a_firing_takes_mass_with_it(dt):
     run(block, 300.0, dt)
     assert block.mass_left == pytest.approx(50.0 - 300.0 * flow, rel=1e-13)
     assert block.mass_left < 40.0
-    expected = cowell(
+    cowell_state = cowell(
         first, 4, 300.0, lambda t, y: np.array((0, force, 0)) / (50.0 - flow * t)
     )
-    assert math.dist(block.r_eci, expected[:3]) < 1e-5
-    assert math.dist(block.v_eci, expected[3:]) < 1e-8
+    assert math.dist(block.r_eci, cowell_state[:3]) < 1e-5
+    assert math.dist(block.v_eci, cowell_state[3:]) < 1e-8
     free = cowell(first, 4, 300.0)
-    gained = 9.80665 * isp * math.log(50.0 / block.mass_left)
-    assert math.dist(expected[3:], free[3:]) == pytest.approx(
-        gained, rel=0.02
+    speed_gain = 9.80665 * isp * math.log(50.0 / block.mass_left)
+    assert math.dist(cowell_state[3:], free[3:]) == pytest.approx(
+        speed_gain, rel=0.02
     )  # and gravity bends
     block.force_mean_thruster_body = (0.0, 30.0 * force, 0.0)
     with pytest.raises(
@@ -581,8 +581,10 @@ def test_a_firing_along_the_velocity_raises_the_orbit():
     assert rotate(block.q_bi, along) == pytest.approx((1.0, 0.0, 0.0), abs=1e-12)
     block.force_mean_thruster_body = (10.0, 0.0, 0.0)
     run(block, 1.0, 1.0)
-    found = orbit.elements_from_state(block.r_eci, block.v_eci).semi_major_axis
-    assert found - a == pytest.approx(
+    semi_major_axis = orbit.elements_from_state(
+        block.r_eci, block.v_eci
+    ).semi_major_axis
+    assert semi_major_axis - a == pytest.approx(
         2 * a**2 * norm(block.v_eci) * 0.1 / orbit.MU, rel=1e-4
     )
 
