@@ -144,11 +144,13 @@ def lines(seed: int, count: int, seeds: Sequence[str] = QUICK) -> Iterator[list[
     for _ in range(count):
         result = shlex.split(rng.choice(seeds))
         for _ in range(rng.choice((1, 1, 2, 3))):
-            result = _changed(result, rng, seeds)
+            result = _change_line(result, rng, seeds)
         yield result
 
 
-def _changed(line: list[str], rng: random.Random, seeds: Sequence[str]) -> list[str]:
+def _change_line(
+    line: list[str], rng: random.Random, seeds: Sequence[str]
+) -> list[str]:
     at = [
         i
         for i, x in enumerate(line)
@@ -248,11 +250,11 @@ def run(
 ) -> tuple[int, list[str]]:
     """Try command lines in a folder that is there; how many, and what is wrong."""
     prepare(folder)
-    found, tried = [], 0
+    faults, line_count = [], 0
     outside = set(folder.parent.iterdir())
     for line in lines(seed, count, seeds):
-        tried += 1
+        line_count += 1
         if reason := wrong(line, folder):
-            found.append(f"{shlex.join(line)}: {reason}")
-    found += [f"a file outside: {p}" for p in set(folder.parent.iterdir()) - outside]
-    return tried, found
+            faults.append(f"{shlex.join(line)}: {reason}")
+    faults += [f"a file outside: {p}" for p in set(folder.parent.iterdir()) - outside]
+    return line_count, faults
