@@ -21,10 +21,10 @@ MANAGERS = compatibility.managers()
 
 
 def of(target, terms=TERMS, requests=(compatibility.ALL,), **options):
-    found, refused = compatibility.fitting(
+    laws, refusals = compatibility.fitting(
         read(target), Options(**options), terms, requests
     )
-    return {f.name: f for f in found}, {r.name: r.why for r in refused}
+    return {f.name: f for f in laws}, {r.name: r.why for r in refusals}
 
 
 @pytest.mark.parametrize("name", MANAGERS)
@@ -41,8 +41,8 @@ def test_every_manager_has_a_law_or_says_why_not(name):
 
 
 def test_each_manager_fits_or_is_refused_by_name():
-    found, refused = of(DAY)
-    assert list(found) == [
+    laws, refusals = of(DAY)
+    assert list(laws) == [
         "cross product",
         "ccpl",
         "CP with gravity",
@@ -50,45 +50,47 @@ def test_each_manager_fits_or_is_refused_by_name():
         "quasi-static LQR",
         "predictive",
     ]
-    stated = {f.manager for f in found.values()}
-    stated |= {f"manager_{name.replace(' ', '_')}" for name in refused}
-    assert stated == set(MANAGERS)
-    assert refused["combined"] == (
+    managers = {f.manager for f in laws.values()}
+    managers |= {f"manager_{name.replace(' ', '_')}" for name in refusals}
+    assert managers == set(MANAGERS)
+    assert refusals["combined"] == (
         "it needs thrusters that take its command; the craft has none"
     )
-    assert refused["magnetic"].endswith("those of this craft are for its own law alone")
+    assert refusals["magnetic"].endswith(
+        "those of this craft are for its own law alone"
+    )
     assert (
-        refused["b dot"]
+        refusals["b dot"]
         == "it brakes a tumbling craft and leaves the wheels as they are"
     )
 
 
 def test_thrusters_and_an_attitude_that_stays_let_more_in():
-    found, refused = of("uosat12/table3-ocdc-ilqr-1")
-    assert {"ocdc", "bounded 1-norm"} <= found.keys()
-    assert next(iter(found.values())).is_own
-    assert "desat design" in refused["preview"], "its tables are made for one craft"
-    found, _ = of(
+    laws, refusals = of("uosat12/table3-ocdc-ilqr-1")
+    assert {"ocdc", "bounded 1-norm"} <= laws.keys()
+    assert next(iter(laws.values())).is_own
+    assert "desat design" in refusals["preview"], "its tables are made for one craft"
+    laws, _ = of(
         "space_telescope/closed-cp-nominal", Terms(1.1e-3, 3e-5, inertial=True)
     )
-    assert next(iter(found)) == "CP with gravity"
+    assert next(iter(laws)) == "CP with gravity"
 
 
 def test_a_craft_with_one_wheel_has_no_such_law():
-    found, refused = of("hausat2/along-field")
-    assert [f.is_own for f in found.values()] == [True]
+    laws, refusals = of("hausat2/along-field")
+    assert [f.is_own for f in laws.values()] == [True]
     assert (
-        refused["predictive"]
+        refusals["predictive"]
         == "it needs wheels about three axes; the craft's span 1 of them"
     )
 
 
 def test_gains_are_the_rules_with_the_crafts_numbers():
-    found, _ = of(DAY)
+    laws, _ = of(DAY)
     system, _ = prepare(DAY, Options()).or_raise()
     own_value = {n: system.components["manager"].values[n] for n in ("gain", "m_limit")}
     rate, most = own_value["gain"], own_value["m_limit"]
-    gain = {n: f.options.values for n, f in found.items()}
+    gain = {n: f.options.values for n, f in laws.items()}
     assert gain["ccpl"]["manager.gain"] == pytest.approx(rate / 3e-5)
     assert gain["CP with gravity"]["manager.gain"] == pytest.approx(rate)
     weight = gain["quasi-static LQR"]["manager.momentum_weight"]
@@ -97,18 +99,18 @@ def test_gains_are_the_rules_with_the_crafts_numbers():
         4.0 * most * 3e-5
     )
     assert gain["predictive"]["manager.m_limit"] == most, "follows the coils"
-    assert found["ccpl"].gains["gain"].startswith("craft.rate / craft.field = ")
+    assert laws["ccpl"].gains["gain"].startswith("craft.rate / craft.field = ")
     without, _ = of(DAY, sources=["manager=manager_predictive"])
     rate = without["cross product"].options.values["manager.gain"]
     assert rate == pytest.approx(5.0 * 1.1e-3), "five times the orbit's"
 
 
 def test_some_are_asked_for_by_name():
-    found, refused = of(DAY, requests=["ccpl", "predictive"])
-    assert list(found) == ["cross product", "ccpl", "predictive"]
-    assert refused == {}
-    _, refused = of(DAY, requests=["manager_combined"])
-    assert list(refused) == ["combined"]
+    laws, refusals = of(DAY, requests=["ccpl", "predictive"])
+    assert list(laws) == ["cross product", "ccpl", "predictive"]
+    assert refusals == {}
+    _, refusals = of(DAY, requests=["manager_combined"])
+    assert list(refusals) == ["combined"]
     with pytest.raises(
         DesatError, match=r"predictve: no law and no manager.*predictive"
     ):
