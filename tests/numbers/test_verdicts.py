@@ -33,19 +33,19 @@ from tests.engine.test_failures import binary, options, ssd, system
 __all__ = ["binary", "system"]  # fixtures
 
 
-def judged(
-    values: list[float], completed: list[bool], **bounds: float
+def judge_values(
+    values: list[float], completion: list[bool], **bounds: float
 ) -> dict[str, object]:
     cases = np.arange(len(values))
     entry = Requirement(number="x", **bounds)
     return requirement(
-        entry, {"x": np.array(values)}, np.array(completed), cases, Path("c")
+        entry, {"x": np.array(values)}, np.array(completion), cases, Path("c")
     ).to_json()
 
 
 def test_a_case_that_failed_is_outside_whatever_its_numbers():
     """A failed row does carry finite numbers: those until it failed."""
-    judgement = judged([1.0, 1.0, 1.0], [True, False, True], max=2.0)
+    judgement = judge_values([1.0, 1.0, 1.0], [True, False, True], max=2.0)
     assert (judgement["within"], judgement["outside"], judgement["cases_outside"]) == (
         2,
         1,
@@ -57,20 +57,22 @@ def test_a_case_that_failed_is_outside_whatever_its_numbers():
     "bounds", [{"max": 2.0}, {"min": 2.0}, {"min": 2.0, "max": 2.0}]
 )
 def test_a_number_at_its_limit_is_within(bounds):
-    judgement = judged([2.0], [True], **bounds)
+    judgement = judge_values([2.0], [True], **bounds)
     assert (judgement["within"], judgement["outside"]) == (1, 0)
 
 
 def test_a_bound_that_is_unmet_ends_a_run_with_1(desat, tmp_path):
-    for bound, code in ((1e-30, Exit.UNMET), (1.0, Exit.COMPLETED)):
+    for residual_bound, code in ((1e-30, Exit.UNMET), (1.0, Exit.COMPLETED)):
         file = tmp_path / "mine.toml"
-        file.write_text(f'extends = "gyrostat/light"\nresidual_bound = {bound}\n')
+        file.write_text(
+            f'extends = "gyrostat/light"\nresidual_bound = {residual_bound}\n'
+        )
         out = tmp_path / str(int(code))
-        done = desat(
+        command = desat(
             "run", str(file), "--stop", "20", "--no-baseline", "--out", str(out)
         )
-        assert done.returncode == code
-        assert ("momentum_residual" in done.stdout + done.stderr) >= (
+        assert command.returncode == code
+        assert ("momentum_residual" in command.stdout + command.stderr) >= (
             code == Exit.UNMET
         )
 
@@ -104,9 +106,9 @@ def test_how_a_run_ended_is_its_exit_code(manifest, code):
     if run.ok:
         assert run.or_raise("a") is run
     else:
-        with pytest.raises(RunError, match=r"^a: .*: why$") as raised:
+        with pytest.raises(RunError, match=r"^a: .*: why$") as error:
             run.or_raise("a")
-        assert raised.value.code == code
+        assert error.value.code == code
 
 
 @pytest.mark.parametrize(
@@ -124,9 +126,9 @@ def test_a_full_disk_has_an_exit_code_of_its_own(desat, monkeypatch, number, cod
     monkeypatch.setattr(cli, "get_command", lambda app: fails)
     monkeypatch.setattr(cli, "spare", lambda command: None)
     monkeypatch.setattr(cli, "_drop_output", lambda: None)
-    done = desat()
-    assert done.returncode == code
-    assert f"a/file: {os.strerror(number)}" in done.stderr
+    command = desat()
+    assert command.returncode == code
+    assert f"a/file: {os.strerror(number)}" in command.stderr
 
 
 @pytest.mark.parametrize("way", ["SEGFAULT", "EXIT_0"])
@@ -170,23 +172,27 @@ def test_a_sweep_ends_as_the_worst_of_its_points(desat, monkeypatch, rows, code,
     points = [study.SweepPoint({"a.k": k}, [row], {}) for k, row in enumerate(rows)]
     swept = study.Sweep("NAME", {"a.k": [0, 1]}, 0, None, {}, points, [])
     monkeypatch.setattr(study, "sweep", lambda *_, **__: swept)
-    done = desat("sweep", "NAME", "a.k=0,1", "--json")
-    assert done.returncode == code
-    assert done.stderr.splitlines() == lines
+    command = desat("sweep", "NAME", "a.k=0,1", "--json")
+    assert command.returncode == code
+    assert command.stderr.splitlines() == lines
 
 
-def case_verdict(met: bool, lacking: int = 0) -> CaseVerdict:
+def case_verdict(is_met: bool, lacking: int = 0) -> CaseVerdict:
     entry, cases = Requirement(number="x", max=1.0), np.arange(20)
     verdict = requirement(
         entry, {"x": cases - 17.5}, np.ones(20, bool), cases, Path("c")
     )
     return replace(
-        verdict, met=met, interval_outside=[0.0, 5.0], lacking=lacking, more_cases=None
+        verdict,
+        met=is_met,
+        interval_outside=[0.0, 5.0],
+        lacking=lacking,
+        more_cases=None,
     )
 
 
 @pytest.mark.parametrize(
-    ("requirements", "unmet", "failed", "code"),
+    ("requirements", "unmet", "failure_codes", "code"),
     [
         ([True, True], [], [], Exit.COMPLETED),
         ([True, False], [], [], Exit.UNMET),
@@ -197,39 +203,46 @@ def case_verdict(met: bool, lacking: int = 0) -> CaseVerdict:
     ],
 )
 def test_a_campaign_ends_as_what_it_shows(
-    desat, monkeypatch, requirements, unmet, failed, code
+    desat, monkeypatch, requirements, unmet, failure_codes, code
 ):
     answer = SimpleNamespace(
         changed="",
         versions=[],
         completed=20,
-        count=20 + len(failed),
+        count=20 + len(failure_codes),
         unmet=unmet,
         numbers={},
         requirements={
-            f"r{k}": case_verdict(met, k) for k, met in enumerate(requirements)
+            f"r{k}": case_verdict(is_met, k) for k, is_met in enumerate(requirements)
         },
         failed=[
-            CaseRow("failed", c, "h[b] is nan", number=k) for k, c in enumerate(failed)
+            CaseRow("failed", c, "h[b] is nan", number=k)
+            for k, c in enumerate(failure_codes)
         ],
     )
     monkeypatch.setattr(report, "write", lambda folder: (folder / "[b].html", answer))
-    done = desat("campaign", "report", "c")
-    assert done.returncode == code
-    shown = done.stdout.splitlines()
-    assert shown[0] == f"20 of {20 + len(failed)} completed, {len(failed)} failed"
-    for k, met in enumerate(requirements):
+    command = desat("campaign", "report", "c")
+    assert command.returncode == code
+    lines_shown = command.stdout.splitlines()
+    assert (
+        lines_shown[0]
+        == f"20 of {20 + len(failure_codes)} completed, {len(failure_codes)} failed"
+    )
+    for k, is_met in enumerate(requirements):
         lacking = f", {k} without x" if k else ""
         level = "that 95 % are within, with a confidence of 95 %"
-        verdict = "met" if met else f"NOT SHOWN {level}"
-        assert shown[1 + k] == f"r{k}: 1 of 20 outside{lacking} (0 to 5 %): {verdict}"
-    assert shown[-1].endswith("[b].html")
-    lines = [f"case {k}: h[b] is nan" for k in range(len(failed))]
+        verdict = "met" if is_met else f"NOT SHOWN {level}"
+        assert (
+            lines_shown[1 + k]
+            == f"r{k}: 1 of 20 outside{lacking} (0 to 5 %): {verdict}"
+        )
+    assert lines_shown[-1].endswith("[b].html")
+    lines = [f"case {k}: h[b] is nan" for k in range(len(failure_codes))]
     first = [
         f"{len(unmet)} not met of what each run is held against, first: {unmet[0]}"
         for _ in unmet[:1]
     ]
-    assert done.stderr.splitlines() == lines + first
+    assert command.stderr.splitlines() == lines + first
 
 
 def test_a_number_at_its_bound_is_met():
@@ -241,7 +254,7 @@ def test_a_number_at_its_bound_is_met():
 
 
 @pytest.mark.parametrize(
-    ("way", "values", "met"),
+    ("way", "values", "is_met"),
     [
         ("below", [1.0, -1.0], True),
         ("below", [1.0, -2.0], False),
@@ -253,9 +266,9 @@ def test_a_number_at_its_bound_is_met():
         ("reaches", [2.0, 1.0], False),
     ],
 )
-def test_a_condition_at_its_limit_is_not_met_yet(way, values, met):
+def test_a_condition_at_its_limit_is_not_met_yet(way, values, is_met):
     condition = Condition("a", "x", way, 2.0, 0.0, "")
-    assert condition.met(np.array(values)) is met
+    assert condition.met(np.array(values)) is is_met
 
 
 # --- requirements of a single run -----------------------------------------------------
@@ -273,25 +286,25 @@ max = {dumped}
 
 
 @pytest.mark.parametrize(
-    ("calm", "dumped", "code"),
+    ("calm", "dump_time", "code"),
     [(179.0, 7200.0, 0), (0.01, 7200.0, 1), (179.0, 60.0, 1)],
 )
 def test_a_requirement_that_is_not_met_ends_a_run_with_1(
-    desat, tmp_path, calm, dumped, code
+    desat, tmp_path, calm, dump_time, code
 ):
     """A time that is not reached is not met once the run is over it, and before that
     unknown."""
     file, out = tmp_path / "mine.toml", tmp_path / "out"
-    file.write_text(REQUIRED.format(calm=calm, dumped=dumped))
-    done = desat("run", str(file), "--no-baseline", "--out", str(out))
-    message = done.stdout + done.stderr
-    assert done.returncode == code
+    file.write_text(REQUIRED.format(calm=calm, dumped=dump_time))
+    command = desat("run", str(file), "--no-baseline", "--out", str(out))
+    message = command.stdout + command.stderr
+    assert command.returncode == code
     assert ("not met: calm: APE" in message) == ("NOT MET" in message) == (
         calm == 0.01
-    ) or dumped < 100
-    assert ("not met: dumped: " in message) == (dumped == 60.0)
+    ) or dump_time < 100
+    assert ("not met: dumped: " in message) == (dump_time == 60.0)
     assert ("not checked: dumped: not reached at 960 s" in message) == (
-        dumped == 7200.0
+        dump_time == 7200.0
     )
     manifest = load_run(out).manifest
     verdict = manifest.verdicts["calm"]
@@ -326,7 +339,7 @@ def verdict(
 
 
 @pytest.mark.parametrize(
-    ("value", "limits", "met", "margin"),
+    ("value", "limits", "is_met", "margin"),
     [
         (50.0, {"max": 100.0}, True, 0.5),
         (100.0, {"max": 100.0}, True, 0.0),
@@ -340,10 +353,14 @@ def verdict(
         (1.0, {"min": 0.0}, True, None),
     ],
 )
-def test_a_margin_is_a_share_of_the_nearer_limit(value, limits, met, margin):
-    found, unjudged = verdict(value, **limits)
-    assert (found["r"].met, found["r"].margin, unjudged) == (met, margin, {})
-    assert len(list(verdicts.lines(found))) == (not met)
+def test_a_margin_is_a_share_of_the_nearer_limit(value, limits, is_met, margin):
+    judgements, reasons = verdict(value, **limits)
+    assert (judgements["r"].met, judgements["r"].margin, reasons) == (
+        is_met,
+        margin,
+        {},
+    )
+    assert len(list(verdicts.lines(judgements))) == (not is_met)
 
 
 @pytest.mark.parametrize(
@@ -356,9 +373,9 @@ def test_a_margin_is_a_share_of_the_nearer_limit(value, limits, met, margin):
     ],
 )
 def test_a_run_that_is_too_short_does_not_judge(number, until, reason):
-    found, unjudged = verdict(None, number, until, max=100.0)
-    assert unjudged == ({number: reason} if reason else {})
-    assert bool(found) == (not reason)
+    judgements, reasons = verdict(None, number, until, max=100.0)
+    assert reasons == ({number: reason} if reason else {})
+    assert bool(judgements) == (not reason)
 
 
 def test_a_number_that_is_not_recorded_is_not_judged():
