@@ -22,7 +22,7 @@ Place = tuple[str, str]
 """File and function, without what is defined within it."""
 
 
-def followed(call: Callable[[], object], root: str) -> dict[str, int]:
+def follow_call(call: Callable[[], object], root: str) -> dict[str, int]:
     """What a call goes through of the files below a folder."""
     functions: set[Place] = set()
     pairs: set[tuple[Place, Place]] = set()
@@ -51,10 +51,10 @@ def followed(call: Callable[[], object], root: str) -> dict[str, int]:
         call()
     finally:
         sys.setprofile(None)
-    named = [
+    named_functions = [
         name for _, name in functions if not name.rpartition(".")[2].startswith("<")
     ]
-    return {"functions": len(named), "calls": len(pairs), "total": total}
+    return {"functions": len(named_functions), "calls": len(pairs), "total": total}
 
 
 def main() -> None:
@@ -63,7 +63,7 @@ def main() -> None:
     from desat.system.options import Options
 
     root = os.path.realpath(os.path.dirname(desat.__file__)) + "/"
-    print(json.dumps(followed(lambda: prepare(sys.argv[1], Options()), root)))
+    print(json.dumps(follow_call(lambda: prepare(sys.argv[1], Options()), root)))
 
 
 if __name__ == "__main__":

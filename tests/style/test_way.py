@@ -25,14 +25,14 @@ LIMITS = {
 }
 
 
-def counted(target: str, folder: Path) -> dict[str, int]:
+def count_calls(target: str, folder: Path) -> dict[str, int]:
     """The counts of a target, in a process of its own: what another one has read or
     imported is not counted."""
     empty = (
         folder / "tmp"
     )  # what others have left in the usual one is swept, which would count
     empty.mkdir(exist_ok=True)
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, str(ROOT / "tests" / "way.py"), target],
         text=True,
         capture_output=True,
@@ -40,8 +40,8 @@ def counted(target: str, folder: Path) -> dict[str, int]:
         cwd=folder,
         env={**os.environ, "TMPDIR": str(empty)},
     )
-    found: dict[str, int] = json.loads(done.stdout)
-    return found
+    counts: dict[str, int] = json.loads(process.stdout)
+    return counts
 
 
 @pytest.mark.parametrize("target", LIMITS)
@@ -54,10 +54,10 @@ def test_the_way_of_a_target_does_not_grow(target, tmp_path, desat):
         file.write_text('extends = "nadir_day/day-dipole"\n')
         desat("pack", str(file), check=True)
         place = str(file.with_suffix(".ssp"))
-    counted(
+    count_calls(
         place, tmp_path
     )  # what is made once for a user, the loop's library, is there
-    found = counted(place, tmp_path)
+    counts = count_calls(place, tmp_path)
     functions, total = LIMITS[target]
-    assert found["functions"] <= functions, found
-    assert found["total"] <= total, found
+    assert counts["functions"] <= functions, counts
+    assert counts["total"] <= total, counts
