@@ -33,7 +33,7 @@ def craft(tmp_path_factory):
     return folder
 
 
-def named(fault):
+def list_targets(fault):
     """Parameters that a fault names."""
     return [n for key in ("set", "factor", "sample") for n in fault.table.get(key, {})]
 
@@ -49,17 +49,17 @@ def test_faults_name_parameters_that_blocks_have():
     every = faults.declared()
     assert len(every) == 14
     for fault in every.values():
-        assert named(fault) or fault.table.get("component")
-        assert {x.partition(".")[2] for x in named(fault)} <= blocks, fault.name
+        assert list_targets(fault) or fault.table.get("component")
+        assert {x.partition(".")[2] for x in list_targets(fault)} <= blocks, fault.name
 
 
 def test_values_of_a_fault(craft):
     system, _ = prepare(str(craft), Options()).or_raise()
     every = faults.declared()
     inertia = system.components["spacecraft"].values["inertia[1,1]"]
-    found = faults.changes_of(every["inertia"], system)["spacecraft.inertia"]
-    assert found[0] == pytest.approx(1.1 * inertia)
-    assert len(found) == 9
+    inertias = faults.changes_of(every["inertia"], system)["spacecraft.inertia"]
+    assert inertias[0] == pytest.approx(1.1 * inertia)
+    assert len(inertias) == 9
     assert faults.changes_of(every["coil_turned"], system) == {
         "torquers.failed_coil": "1",
         "torquers.failed_share": -1.0,
@@ -71,7 +71,7 @@ def test_values_of_a_fault(craft):
     wheels = system.components["wheels"].values
     assert rough == {
         name: pytest.approx(10.0 * wheels[name.partition(".")[2]])
-        for name in named(every["friction"])
+        for name in list_targets(every["friction"])
         if wheels[name.partition(".")[2]]
     }
     assert rough, "a new craft's wheels have friction"
@@ -81,38 +81,40 @@ def test_a_sample_with_a_fault_is_the_run_with_its_values(craft):
     """The numbers are those of a run with the drawn values and the fault's."""
     (fault,) = faults.chosen(["coil_weak"])
     options = Options(stop=2000.0)
-    found = faults.fly_faults([str(craft)], options, [fault], 1, 3, jobs=1)
+    fault_table = faults.fly_faults([str(craft)], options, [fault], 1, 3, jobs=1)
     values = {
         **draw_of(draft_to_draw(read(str(craft)), False), 3, 0),
         "torquers.failed_coil": "1",
         "torquers.failed_share": 0.5,
     }
     run = execute(str(craft), replace(options, values=values))
-    seen = CRITERIA["peak"].of(measured_run(run.manifest, run.results))
-    (outcome,) = found.rows["coil_weak"][1]
-    assert outcome.median == pytest.approx(seen, rel=1e-6)
+    peak = CRITERIA["peak"].of(measured_run(run.manifest, run.results))
+    (outcome,) = fault_table.rows["coil_weak"][1]
+    assert outcome.median == pytest.approx(peak, rel=1e-6)
     assert (outcome.count, outcome.failed) == (1, len(run.manifest.not_met) > 0)
-    assert set(found.rows) == {"nominal", "coil_weak"}
-    assert found.answer.startswith(str(craft))
+    assert set(fault_table.rows) == {"nominal", "coil_weak"}
+    assert fault_table.answer.startswith(str(craft))
 
 
 def test_torques_in_pulses_are_added_to_a_copy_of_the_craft(craft):
     before = {p.name: p.read_text() for p in craft.glob("*.toml")}
     (fault,) = faults.chosen(["pulses"])
     options = Options(stop=900.0)
-    found = faults.fly_faults([str(craft)], options, [fault], 1, 1, jobs=1)
-    calm, pushed = (found.rows[n][1][0].median for n in ("nominal", "pulses"))
-    assert pushed > calm + 1.0, "600 s of 4 uN m are 2.4 mN m s of 15"
+    fault_table = faults.fly_faults([str(craft)], options, [fault], 1, 1, jobs=1)
+    calm, with_pulses = (
+        fault_table.rows[n][1][0].median for n in ("nominal", "pulses")
+    )
+    assert with_pulses > calm + 1.0, "600 s of 4 uN m are 2.4 mN m s of 15"
     assert {p.name: p.read_text() for p in craft.glob("*.toml")} == before
 
 
 def test_torques_in_pulses_are_those_of_their_table(craft, tmp_path):
     (fault,) = faults.chosen(["pulses"])
     ((name, block),) = fault.table["component"].items()
-    added = fault.table["component"]
+    component = fault.table["component"]
     folder = tmp_path / "copy"
     source = read(str(craft))
-    target, values = faults._with_component(fault, source, Options(), added, folder)
+    target, values = faults._with_component(fault, source, Options(), component, folder)
     torque = mean_torque(prepare(source, Options()).or_raise()[0])
     rows = [
         x for t, *of in fault.table["table"] for x in (t, *(torque * y for y in of))
@@ -138,9 +140,9 @@ def test_a_sample_that_never_ends_fails(desat):
         "600",
         "--json",
     )
-    done = desat("faults", target, *options)
-    assert done.returncode == Exit.COMPLETED, "it breaks without the fault as well"
-    answer = json.loads(done.stdout)
+    command = desat("faults", target, *options)
+    assert command.returncode == Exit.COMPLETED, "it breaks without the fault as well"
+    answer = json.loads(command.stdout)
     assert answer["number"]["unit"] == "min"
     outcome = answer["faults"]["coil_turned"]["outcomes"][target]
     assert (outcome["count"], outcome["failed"], outcome["median"]) == (1, 1, None)
@@ -173,9 +175,9 @@ def test_the_worst_fault_is_said_in_words(desat, craft):
         "--stop",
         "600",
     )
-    done = desat("faults", craft.name, *options, cwd=craft.parent)
-    assert done.returncode == Exit.UNMET
-    text = " ".join(done.stdout.split())
+    command = desat("faults", craft.name, *options, cwd=craft.parent)
+    assert command.returncode == Exit.UNMET
+    text = " ".join(command.stdout.split())
     assert f"{craft.name} breaks under attitude off by 5 deg: 1 of 1 samples" in text
     assert (
         "does not apply: attitude a sample late: it has no star_tracker.delay" in text
@@ -193,16 +195,16 @@ def test_the_worst_fault_is_said_in_words(desat, craft):
     ],
 )
 def test_wrong_faults_are_refused_in_a_line(desat, craft, values, line):
-    done = desat("faults", *values, "-n", "1", cwd=craft.parent)
-    assert done.returncode == Exit.INPUT
-    assert line in done.stderr
-    assert "Traceback" not in done.stderr
+    command = desat("faults", *values, "-n", "1", cwd=craft.parent)
+    assert command.returncode == Exit.INPUT
+    assert line in command.stderr
+    assert "Traceback" not in command.stderr
 
 
 def test_a_program_flies_faults(craft):
-    found = desat_faults(str(craft), names=["coil_dead"], count=1, stop=600.0)
-    assert set(found.rows) == {"nominal", "coil_dead"}
-    assert repr(found) == f"<FaultTable {found.answer}>"
+    fault_table = desat_faults(str(craft), names=["coil_dead"], count=1, stop=600.0)
+    assert set(fault_table.rows) == {"nominal", "coil_dead"}
+    assert repr(fault_table) == f"<FaultTable {fault_table.answer}>"
 
 
 def test_faults_refuse_several_crafts_under_laws():
@@ -262,10 +264,10 @@ def test_samples_are_counted_with_their_reasons():
 
 def answer_of(*outcomes: faults.Outcome) -> str:
     """Return the answer of a table: without a fault, then faults a, b, ..."""
-    named = ("nominal", "a", "b", "c")
+    row_names = ("nominal", "a", "b", "c")
     rows = {
         n: (faults.Fault(n, f"fault {n}", {}), (x,))
-        for n, x in zip(named, outcomes, strict=False)
+        for n, x in zip(row_names, outcomes, strict=False)
     }
     table = faults.FaultTable(("craft",), ("law",), "Time", "min", 1, rows, {})
     return table.answer
@@ -295,13 +297,13 @@ def test_the_worst_fault_is_that_of_most_failures_then_of_the_largest_median():
     )
 
 
-@pytest.mark.parametrize(("drawn", "samples"), [(True, [2, 3, 4]), (False, [])])
-def test_a_scenario_without_draws_flies_once(drawn, samples):
+@pytest.mark.parametrize(("has_draws", "samples"), [(True, [2, 3, 4]), (False, [])])
+def test_a_scenario_without_draws_flies_once(has_draws, samples):
     contender = faults.Contender("law", read("hausat2/detumbling-b-dot"), Options())
     fault = faults.declared()["coil_dead"]
-    flight = faults.Flight(fault, contender, "target", {"a.b": 1.0}, drawn)
+    flight = faults.Flight(fault, contender, "target", {"a.b": 1.0}, has_draws)
     assert [x[3] for x in flight.tasks(range(2, 5), 7, ("peak",))] == samples
-    first = [0, 1] if drawn else [None]
+    first = [0, 1] if has_draws else [None]
     tasks = flight.tasks(range(2), 7, ("peak",))
     assert tasks == [
         ("target", contender.options, 7, x, ("peak",), {"a.b": 1.0}) for x in first
@@ -320,7 +322,8 @@ def test_a_scenario_without_draws_flies_once(drawn, samples):
 )
 def test_a_law_is_worse_by_a_failure_or_by_its_median(first, second, is_worse):
     outcomes = [
-        faults.Outcome(4, failed, median, ()) for failed, median in (first, second)
+        faults.Outcome(4, failure_count, median, ())
+        for failure_count, median in (first, second)
     ]
     assert faults._is_worse(outcomes) is is_worse
 
@@ -336,9 +339,9 @@ def test_a_free_number_is_searched_first_and_said(craft, monkeypatch):
     monkeypatch.setattr(faults.tune, "tune", tune)
     laws = ["cross product", "predictive"]
     fly = [str(craft)], Options(stop=300.0), faults.chosen(["coil_weak"]), 1, 4, laws
-    found = faults.fly_faults(*fly, jobs=1, free="manager.gain")
+    fault_table = faults.fly_faults(*fly, jobs=1, free="manager.gain")
     assert calls == [("manager.gain", "peak", 5)]
-    assert found.labels == ("cross product, manager.gain = 0.002", "predictive")
+    assert fault_table.labels == ("cross product, manager.gain = 0.002", "predictive")
     with pytest.raises(DesatError, match="predictive: it has no parameter manager"):
         faults.fly_faults(*fly, jobs=1, free={"predictive": "manager.gain"})
 
@@ -348,9 +351,9 @@ def test_pulses_act_on_a_family_of_ours(tmp_path):
     (fault,) = faults.chosen(["pulses"])
     options = Options(stop=60.0)
     target = "alsat1/spin"
-    found = faults.fly_faults([target], options, [fault], 1, 1, (), jobs=1)
-    assert not found.without
-    assert found.rows["pulses"][1][0].has_effect
+    fault_table = faults.fly_faults([target], options, [fault], 1, 1, (), jobs=1)
+    assert not fault_table.without
+    assert fault_table.rows["pulses"][1][0].has_effect
 
 
 @pytest.mark.parametrize("rods", ["0.2", "2"])
@@ -375,7 +378,7 @@ def test_sizes_of_faults_follow_the_craft(tmp_path, rods):
 
 
 def test_a_fault_that_moves_no_number_says_so(craft):
-    found = faults.fly_faults(
+    fault_table = faults.fly_faults(
         [str(craft)],
         Options(stop=600.0, sets=["manager.enable=false"]),
         faults.chosen(["coil_dead"]),
@@ -383,6 +386,6 @@ def test_a_fault_that_moves_no_number_says_so(craft):
         1,
         jobs=1,
     )
-    (outcome,) = found.rows["coil_dead"][1]
+    (outcome,) = fault_table.rows["coil_dead"][1]
     assert not outcome.has_effect
     assert outcome.text.endswith("; no effect")
