@@ -102,18 +102,18 @@ def test_a_dump_goes_from_one_threshold_to_the_other():
 
 
 def test_an_aligned_dump_waits_for_its_attitude_but_not_for_ever():
-    turned = [1.0, 1.0, 0.0]  # |h|_1 / |h| is 1.414
+    oblique = [1.0, 1.0, 0.0]  # |h|_1 / |h| is 1.414
     assert [
-        mode for _, mode, _ in fly(law(aligned=1.1, longest_wait=45.0), turned, 7)
+        mode for _, mode, _ in fly(law(aligned=1.1, longest_wait=45.0), oblique, 7)
     ] == ([2] * 5 + [1] * 2)
-    assert [mode for _, mode, _ in fly(law(aligned=1.5), turned, 2)] == [1, 1]
+    assert [mode for _, mode, _ in fly(law(aligned=1.5), oblique, 2)] == [1, 1]
 
 
 def test_a_dump_that_waits_begins_before_the_wheels_are_full():
     """An inertial craft does not turn: its momentum never lies along an axis."""
-    turned = [1.0, 1.0, 0.0]
+    oblique = [1.0, 1.0, 0.0]
     block = law(aligned=1.1, latest=1.2)
-    rows = fly(block, turned, 100, grows=1e-3)
+    rows = fly(block, oblique, 100, grows=1e-3)
     assert [mode for _, mode, _ in rows[:10]] == [2] * 10
     first = next(fill for fill, mode, _ in rows if mode == 1)
     assert 1.2 <= first < 1.22
@@ -132,10 +132,10 @@ def test_a_dump_that_waits_begins_before_the_wheels_are_full():
 )
 def test_a_wait_that_cannot_be_afforded_is_refused(tmp_path, options, count):
     write(tmp_path / "c", FAR, "")
-    checked = prepare(str(tmp_path / "c"), Options(sets=list(options)))
-    assert len([x for x in checked.problems if "wait" in x]) == count
+    case = prepare(str(tmp_path / "c"), Options(sets=list(options)))
+    assert len([x for x in case.problems if "wait" in x]) == count
     if options == ("manager.latest=0",):
-        (line,) = checked.problems
+        (line,) = case.problems
         assert "bring up to 5.61 N m s into a wheel, which holds 4.5 N m s" in line
         with pytest.raises(DesatError, match="longest_wait = 86400 s"):
             size_dumps(str(tmp_path / "c"), Options(sets=list(options)))
@@ -177,11 +177,13 @@ def test_rates_are_of_the_weeks_between_dumps(tmp_path):
 @pytest.mark.slow
 def test_the_numbers_of_a_sentence_are_of_one_condition(tmp_path):
     write(tmp_path / "c", LOW, "")
-    found = size_dumps(str(tmp_path / "c"), Options(), SizingRequirements(flown=False))
+    sizing_of_craft = size_dumps(
+        str(tmp_path / "c"), Options(), SizingRequirements(flown=False)
+    )
     sentence = re.search(
         r"dumps (\S+) times a week, (\S+) g each, (\S+) kg a year at this rate; over "
         r"the dates of a year (\S+) kg \((\S+) to (\S+) by date\)",
-        found.answer,
+        sizing_of_craft.answer,
     )
     assert sentence is not None
     rate, grams, a_year, mean, least, most = map(float, sentence.groups())
@@ -195,17 +197,17 @@ def test_a_craft_with_rods_and_thrusters_is_told_which_suffices(
 ):
     command = ["new", "craft", "c", "--size", "12U", "--sso", "500km", "--rods", rods]
     dump = ["--thrusters", "4 50mN", "--dump", "thrusters 70:10"]
-    done = desat(*command, *dump, cwd=tmp_path, check=True)
-    assert "momentum is removed by  thrusters alone" in done.stdout
-    assert "without it the rods would" in done.stdout
-    found = size_dumps(
+    result = desat(*command, *dump, cwd=tmp_path, check=True)
+    assert "momentum is removed by  thrusters alone" in result.stdout
+    assert "without it the rods would" in result.stdout
+    sizing_of_craft = size_dumps(
         str(tmp_path / "c"), Options(), SizingRequirements(flown=False, year=False)
     )
-    assert found.rods is not None
-    assert found.rods.suffice == suffice
-    assert 0.02 < found.rods.needed < 0.2
+    assert sizing_of_craft.rods is not None
+    assert sizing_of_craft.rods.suffice == suffice
+    assert 0.02 < sizing_of_craft.rods.needed < 0.2
     text = "suffice alone (" if suffice else "do not suffice alone: "
-    assert f"Its rods of {rods} A m2 {text}" in found.answer
+    assert f"Its rods of {rods} A m2 {text}" in sizing_of_craft.answer
 
 
 @pytest.mark.slow
@@ -273,11 +275,11 @@ def test_thresholds_that_mean_nothing_are_refused(values, text):
         law(**values)
 
 
-@pytest.mark.parametrize(("carried", "values"), [(False, 0.0), (True, 1.0)])
-def test_what_a_pulse_leaves_comes_with_the_next(carried, values):
+@pytest.mark.parametrize(("carry_over", "values"), [(False, 0.0), (True, 1.0)])
+def test_what_a_pulse_leaves_comes_with_the_next(carry_over, values):
     """Of a torque whose on-times are a third of the shortest pulse, both ways."""
     block = Thrusters()
-    block.carried, block.sample_time, block.least_pulse = carried, 10.0, 0.06
+    block.carried, block.sample_time, block.least_pulse = carry_over, 10.0, 0.06
     block.check()
     block.start()
     total = 0.0
@@ -286,16 +288,16 @@ def test_what_a_pulse_leaves_comes_with_the_next(carried, values):
         block.tau_cmd_thruster_body = (way * 0.02 / 10.0 * block.tau_level[0], 0.0, 0.0)
         block.advance(10.0 * k, 10.0)
         total += 10.0 * block.tau_mean_thruster_body[0]
-    expected = (240 - 60) * 0.02 * block.tau_level[0]
-    assert total == pytest.approx(values * expected, abs=0.06 * block.tau_level[0])
+    impulse = (240 - 60) * 0.02 * block.tau_level[0]
+    assert total == pytest.approx(values * impulse, abs=0.06 * block.tau_level[0])
 
 
 def test_growth_is_between_the_first_event_and_the_last():
     times = np.arange(11.0)
     events = np.array([[0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3]], float).T
-    grown = np.array([[0, 0, 0, 4, 4, 4, 8, 8, 8, 12, 12]], float).T
-    assert growth_between(times, grown, events, 6.0) == 8.0
-    assert np.isnan(growth_between(times, grown, 0.0 * events, 6.0))
+    course = np.array([[0, 0, 0, 4, 4, 4, 8, 8, 8, 12, 12]], float).T
+    assert growth_between(times, course, events, 6.0) == 8.0
+    assert np.isnan(growth_between(times, course, 0.0 * events, 6.0))
 
 
 def test_a_run_of_many_millions_of_steps_goes_on():
@@ -349,14 +351,14 @@ def test_the_geo_of_the_notes_is_sized_from_one_line(sizing):
 def test_the_pictures_of_a_sizing_are_of_its_numbers(sizing, tmp_path):
     """The course goes from threshold to threshold; at the craft's own threshold the
     curve has the rate of a day that lasts; a higher one dumps less often."""
-    times, fill, begun = sizing.course
-    assert len(begun) >= 2
+    times, fill, dump_times = sizing.course
+    assert len(dump_times) >= 2
     assert fill.max() == pytest.approx(sizing.begin, rel=0.02)
-    rows = np.searchsorted(times, begun)
+    rows = np.searchsorted(times, dump_times)
     assert (fill[rows] >= sizing.begin * (1.0 - 1e-9)).all()
     after = fill[(rows + 1).clip(max=len(fill) - 1)]
     assert (after[:-1] < 0.3 * sizing.begin).all()
-    assert begun[0] == pytest.approx(sizing.steady.first, rel=1e-9)
+    assert dump_times[0] == pytest.approx(sizing.steady.first, rel=1e-9)
     rates = [t.a_week for t in sizing.thresholds]
     assert rates == sorted(rates, reverse=True)
     (at_begin,) = [
@@ -404,10 +406,10 @@ def test_wheels_of_the_weekly_capacity_dump_once_a_week(sizing, tmp_path):
     facts = {k: v for k, v in vars(GEO).items() if v is not None}
     smaller = {**facts, "wheels": f"4 pyramid {sizing.weekly:.6g}Nms"}
     write(tmp_path / "mine", CraftFacts(**smaller), "desat new craft mine")
-    found = dumps.size(
+    weekly_sizing = dumps.size(
         str(tmp_path / "mine"), Options(), SizingRequirements(year=False, flown=False)
     )
-    assert found.steady.a_week == pytest.approx(1.0, rel=0.02)
+    assert weekly_sizing.steady.a_week == pytest.approx(1.0, rel=0.02)
 
 
 def test_worst_of_a_geo_craft_is_sound(geo):
@@ -456,13 +458,13 @@ def test_what_a_sample_leaves_of_a_pulse_comes_with_the_next_samples():
     a pulse."""
     pulse, start = np.array([0.03, 0.05, 1e-9]), np.array([1.0, 0.2, 0.0])
     rows = fly(law(pulse_body=tuple(pulse), end=0.05), start.tolist(), 8)
-    fired = np.cumsum([10.0 * n for _, _, n in rows], axis=0)
-    h = np.vstack([start, start + fired[:-1]])
-    expected = np.cumsum(
+    impulse = np.cumsum([10.0 * n for _, _, n in rows], axis=0)
+    h = np.vstack([start, start + impulse[:-1]])
+    law_impulse = np.cumsum(
         -0.1 * h / np.linalg.norm(h, axis=1)[:, None], axis=0
     )  # 0.01 N m, 10 s
-    assert abs(expected[0, 1]) < pulse[1], "no sample alone fires about y"
-    assert (np.abs(fired - expected) < pulse).all()
+    assert abs(law_impulse[0, 1]) < pulse[1], "no sample alone fires about y"
+    assert (np.abs(impulse - law_impulse) < pulse).all()
 
 
 def test_a_dump_whose_rest_is_no_pulse_ends():
@@ -499,8 +501,10 @@ def test_no_pulse_of_a_new_craft_turns_it_far(tmp_path, facts):
         system.components["thrusters"].values,
     )
     inertia = np.reshape(system.components["spacecraft"].values["inertia"], (3, 3))
-    turned = law["torque"] * law["sample_time"] ** 2 / (8.0 * np.diag(inertia).min())
-    assert np.degrees(turned) <= 0.1 * (1.0 + 1e-3)
+    kick_angle = (
+        law["torque"] * law["sample_time"] ** 2 / (8.0 * np.diag(inertia).min())
+    )
+    assert np.degrees(kick_angle) <= 0.1 * (1.0 + 1e-3)
     assert law["sample_time"] == jets["sample_time"]
     assert np.allclose(
         law["pulse_body"], np.array(jets["tau_level"]) * jets["least_pulse"]
