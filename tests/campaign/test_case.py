@@ -18,7 +18,7 @@ from desat.system.errors import DesatError, Exit, RunError
 from desat.system.options import Options
 
 
-def finished(code: int = 0, **more: object) -> Run:
+def make_run(code: int = 0, **more: object) -> Run:
     """A run that ended so."""
     status = "completed" if code < 2 else "failed"
     results = {
@@ -34,7 +34,7 @@ def finished(code: int = 0, **more: object) -> Run:
     return run
 
 
-def raised(function, *args: object) -> tuple[str, object] | object:
+def catch_error(function, *args: object) -> tuple[str, object] | object:
     try:
         return function(*args)
     except (
@@ -71,14 +71,14 @@ def test_draws_record_what_their_numbers_need(monkeypatch, substeps, record, loo
     options = Options(blocks=True, stop=20.0, substeps=substeps, record=record)
     with pytest.raises(AskedError) as requests:
         study.ran(study.read("gyrostat/light"), options, {})
-    (found,) = requests.value.args
+    (record_names,) = requests.value.args
     if looks is None:
-        assert found == record
+        assert record_names == record
     else:
         looked_at = {"spacecraft.omega_bi_body", "spacecraft.impulse_eci"}
-        assert looked_at & set(found) == (looked_at if looks else set())
+        assert looked_at & set(record_names) == (looked_at if looks else set())
         assert {"spacecraft.q_bi", "wheels.h_wheel", "torquers.m_mean_body"} < set(
-            found
+            record_names
         )
 
 
@@ -90,8 +90,8 @@ def test_a_case_that_cannot_begin_is_a_row(monkeypatch, error, code):
     def values(number: int) -> dict[str, float]:
         return {"a.k": 1.0}
 
-    def ran(plan: object, values: object, supervised: bool) -> store.CaseRow:
-        assert supervised is False
+    def ran(plan: object, values: object, is_supervised: bool) -> store.CaseRow:
+        assert is_supervised is False
         if error:
             raise error
         return store.CaseRow("completed", 0, "", values=values)
@@ -103,9 +103,9 @@ def test_a_case_that_cannot_begin_is_a_row(monkeypatch, error, code):
     assert result.status == ("failed" if error else "completed")
     assert 0.0 <= result.seconds < 1.0
     error = RunError("told to end", Exit.INTERRUPTED)
-    with pytest.raises(SystemExit) as raised:
+    with pytest.raises(SystemExit) as exit_info:
         campaign_case.row(SimpleNamespace(values=values), 7)
-    assert raised.value.code == 130
+    assert exit_info.value.code == 130
 
 
 @pytest.mark.parametrize(
@@ -115,7 +115,7 @@ def test_a_case_that_cannot_begin_is_a_row(monkeypatch, error, code):
 def test_a_case_that_is_kept_needs_room_and_no_signal(
     monkeypatch, tmp_path, code, raises
 ):
-    written = []
+    report_folders = []
     monkeypatch.setattr(campaign_case, "source", lambda plan: "a")
     monkeypatch.setattr(campaign_case, "prepare", lambda target, options: options)
     monkeypatch.setattr(campaign_case, "choose_for_cases", lambda *_: "once for all")
@@ -124,11 +124,11 @@ def test_a_case_that_is_kept_needs_room_and_no_signal(
         assert choice == "once for all"
         assert (options.supervised, options.call_limit) == (True, 9.0)
         assert options.values == {"a.k": 1.0}
-        return finished(code)
+        return make_run(code)
 
     monkeypatch.setattr(campaign_case, "simulate", simulate)
     monkeypatch.setattr(
-        campaign_case, "write_report", lambda *args: written.append(args[0])
+        campaign_case, "write_report", lambda *args: report_folders.append(args[0])
     )
     of = plan.CampaignPlan("a", "", 3, limit=9.0)
     monkeypatch.setattr(plan.CampaignPlan, "values", lambda self, number: {"a.k": 1.0})
@@ -137,7 +137,7 @@ def test_a_case_that_is_kept_needs_room_and_no_signal(
             campaign_case.repeat(of, 1, tmp_path)
     else:
         assert campaign_case.repeat(of, 1, tmp_path).code == code
-    assert written == [tmp_path] * (not raises)
+    assert report_folders == [tmp_path] * (not raises)
 
 
 @pytest.mark.parametrize(

@@ -41,15 +41,15 @@ def test_paired_differences_are_those_of_the_draws(other):
             assert entry["n"] == 0
             assert entry["median"] is None
             continue
-        expected = [a - b for a, b in zip(*each, strict=True)]
-        found = each_draw(ours, theirs, name)
-        assert list(found.values()) == pytest.approx(expected, abs=1e-9)
+        differences_by_hand = [a - b for a, b in zip(*each, strict=True)]
+        answer = each_draw(ours, theirs, name)
+        assert list(answer.values()) == pytest.approx(differences_by_hand, abs=1e-9)
         assert entry["lower"] + entry["higher"] + entry["equal"] == 3
         assert entry["min"] <= entry["median"] <= entry["max"]
     assert result["coil_load"].equal < 3
     assert [r.values for r in ours] == [r.values for r in theirs]
-    found = common(read(NAME), read(target), 4, SHORT, SHORT)
-    assert found["drawn_only_in_it"] == found["drawn_only_in_the_other"] == []
+    answer = common(read(NAME), read(target), 4, SHORT, SHORT)
+    assert answer["drawn_only_in_it"] == answer["drawn_only_in_the_other"] == []
 
 
 def test_a_scenario_against_itself_is_equal_in_all():
@@ -62,10 +62,10 @@ def test_what_is_drawn_otherwise_is_refused_and_what_one_draws_is_said(other):
     text = """without = ['dispersions.{}']\ndispersions."{}" = {}"""
     h, seed = "wheels.h_start_wheel", "*.seed"
     target = other(text.format(seed, "magnetometer.seed", "{ seed = true }"))
-    found = common(read(NAME), read(target), 1, SHORT, SHORT)
-    assert found["drawn_only_in_the_other"] == []
-    assert "tachometers.seed" in found["drawn_only_in_it"]
-    assert "magnetometer.seed" in found["drawn_in_both"]
+    shared_draws = common(read(NAME), read(target), 1, SHORT, SHORT)
+    assert shared_draws["drawn_only_in_the_other"] == []
+    assert "tachometers.seed" in shared_draws["drawn_only_in_it"]
+    assert "magnetometer.seed" in shared_draws["drawn_in_both"]
     target = other(text.format(h, h, "{ normal = [0.0, 5e-3] }"))
     with pytest.raises(
         DesatError, match=r"h_start_wheel is drawn as .*0\.006.* and as .*0\.005"
@@ -108,10 +108,10 @@ def test_numbers_of_another_unit_are_not_compared():
         return Draws("s", 1, rows, {"x": Spread(unit=unit)}, [])
 
     assert differences(result("s", 1.0), result("min", 1.0)) == {}
-    found = differences(
+    counts = differences(
         result("s", 1.0, 2.0, None, 3.0), result("s", 2.0, 2.0, 1.0, 1.0)
     )["x"]
-    assert [found.n, found.lower, found.equal, found.higher] == [3, 1, 1, 1]
+    assert [counts.n, counts.lower, counts.equal, counts.higher] == [3, 1, 1, 1]
     rows = (result("s", 1.0, 2.0, None, 3.0).rows, result("s", 2.0, 2.0, 1.0, 1.0).rows)
     assert each_draw(*rows, "x") == {0: -1.0, 1: 0.0, 3: 2.0}
 
@@ -127,8 +127,8 @@ def test_a_sweep_is_its_runs():
     for point in result["points"][1:3]:
         sets = [f"{n}={str(v).lower()}" for n, v in point["values"].items()]
         run = execute(NAME, Options(blocks=True, stop=100.0, sets=sets))
-        expected = {n: run.manifest["numbers"][n]["value"] for n in point["numbers"]}
-        assert point["numbers"] == expected
+        run_values = {n: run.manifest["numbers"][n]["value"] for n in point["numbers"]}
+        assert point["numbers"] == run_values
     assert result["units"]["coil_load"]
 
 
@@ -174,13 +174,16 @@ def test_a_drawn_parameter_is_no_axis_of_draws():
 def test_commands(desat):
     short = ("--blocks", "--stop", "20", "--jobs", "1")
     other = "integrated/mil-cross-product"
-    done = desat("compare", NAME, other, "-n", "1", *short, "--json", check=True)
-    assert json.loads(done.stdout)["numbers"]["coil_load"]["n"] == 1
-    gone = desat("draws", NAME, "-n", "3")
-    assert "desat campaign NAME -n COUNT makes them, the same of a seed" in gone.stderr
-    shown = desat("sweep", NAME, "manager.gain=1e-3,2e-3", *short, check=True).stdout
-    assert "0.002" in shown
-    assert "coil_load" in shown
+    command = desat("compare", NAME, other, "-n", "1", *short, "--json", check=True)
+    assert json.loads(command.stdout)["numbers"]["coil_load"]["n"] == 1
+    old_command = desat("draws", NAME, "-n", "3")
+    assert (
+        "desat campaign NAME -n COUNT makes them, the same of a seed"
+        in old_command.stderr
+    )
+    table = desat("sweep", NAME, "manager.gain=1e-3,2e-3", *short, check=True).stdout
+    assert "0.002" in table
+    assert "coil_load" in table
     wrong = desat("sweep", NAME, "manager.gan=1", *short)
     assert wrong.returncode == 2
     assert len(wrong.stderr.splitlines()) == 1
