@@ -50,20 +50,24 @@ def test_it_ends_where_the_measure_says(scenario):
         f"[numbers.first]\nsignal = '{RATE}'\nmeasure = 'first_below'\nunit = 's'\n"
     )
     options = f"options = {{ limit = {limit!r}, held = 5.0 }}\n"
-    ended = run(
+    stopped_run = run(
         scenario(f"signal = '{RATE}'\nbelow = {limit!r}\nheld = 5.0", number + options)
     )
     good, step = (sizes < limit).all(axis=1), full.manifest["step"]
     rows = round(5.0 / step)
     first = next(i for i in range(len(good)) if good[i : i + rows + 1].all())
-    assert ended.manifest["status"] == "completed"
-    assert ended.manifest["stopped_when"]["time"] == pytest.approx(
+    assert stopped_run.manifest["status"] == "completed"
+    assert stopped_run.manifest["stopped_when"]["time"] == pytest.approx(
         (first + rows) * step
     )
-    assert ended.manifest["steps_done"] == first + rows < full.manifest["steps_done"]
-    assert ended.manifest["numbers"]["first"]["value"] == pytest.approx(first * step)
+    assert (
+        stopped_run.manifest["steps_done"] == first + rows < full.manifest["steps_done"]
+    )
+    assert stopped_run.manifest["numbers"]["first"]["value"] == pytest.approx(
+        first * step
+    )
     assert np.array_equal(
-        ended.results.values(RATE), full.results.values(RATE)[: first + rows + 1]
+        stopped_run.results.values(RATE), full.results.values(RATE)[: first + rows + 1]
     )
 
 
@@ -75,10 +79,10 @@ def test_above_is_met_by_any_element_and_need_not_be_recorded(scenario, algorith
     limit = float(sizes[len(sizes) // 3 :].max()) * 0.999
     k = max(1, int(np.flatnonzero(sizes > limit)[0]))
     target = scenario(f"signal = '{name}'\nabove = {1e3 * limit!r}\nunit = 'mN.m.s'")
-    ended = run(target, algorithm=algorithm, record=("spacecraft.q_bi",))
-    assert ended.manifest["steps_done"] == k
-    assert ended.results.names() == ["spacecraft.q_bi"]
-    assert "mN.m.s" in ended.manifest["stopped_when"]["condition"]
+    stopped_run = run(target, algorithm=algorithm, record=("spacecraft.q_bi",))
+    assert stopped_run.manifest["steps_done"] == k
+    assert stopped_run.results.names() == ["spacecraft.q_bi"]
+    assert "mN.m.s" in stopped_run.manifest["stopped_when"]["condition"]
 
 
 def test_an_output_that_reaches_nobody_need_not_be_recorded(scenario):
@@ -95,10 +99,10 @@ def test_a_product_of_parameters_and_a_mode(scenario):
     )
     mode = run(NAME, stop=60.0).results
     name, value = mode.choices("manager.mode"), int(mode.values("manager.mode")[-1])
-    ended = run(
+    stopped_run = run(
         scenario(f"signal = 'manager.mode'\nreaches = '{name[value]}'\nheld = 20.0")
     )
-    assert ended.manifest["stopped_when"]["condition"].endswith(
+    assert stopped_run.manifest["stopped_when"]["condition"].endswith(
         f"reaches {name[value]} for 20 s"
     )
 
@@ -108,9 +112,9 @@ def test_what_is_not_reached_stays_not_reached(scenario):
     window = window.replace("thrusters.on_time", RATE).replace(
         "\nwindow", "\nmeasure = 'largest'\nwindow"
     )
-    ended = run(scenario(f"signal = '{RATE}'\nabove = 0.0\nheld = 50.0", window))
-    assert ended.manifest["end_time"] == 50.0
-    assert ended.manifest["numbers"]["late"]["value"] is None
+    stopped_run = run(scenario(f"signal = '{RATE}'\nabove = 0.0\nheld = 50.0", window))
+    assert stopped_run.manifest["end_time"] == 50.0
+    assert stopped_run.manifest["numbers"]["late"]["value"] is None
 
 
 @pytest.mark.parametrize(
@@ -174,9 +178,9 @@ def test_a_replaced_component_without_the_signal_is_refused(scenario):
     system, _ = prepare(target, Options(blocks=True)).or_raise()
     about = but(system.about, stop_when={"signal": "manager.nothing", "reaches": 1})
     system = replace(system, about=about)
-    with pytest.raises(MisfitError) as refused:
+    with pytest.raises(MisfitError) as refusal:
         stopping.condition(system)
-    key, text = refused.value.keys, str(refused.value)
+    key, text = refusal.value.keys, str(refusal.value)
     assert key == ("stop_when", "signal")
     assert "manager has no output nothing" in text
 
@@ -193,12 +197,12 @@ def test_the_time_limit(tmp_path):
 
 
 def test_the_command_ends_with_5_and_keeps_the_run(desat, tmp_path):
-    done = desat(
+    command = desat(
         "run", NAME, "--blocks", "--time-limit", "1e-9", "--out", str(tmp_path / "a")
     )
-    assert done.returncode == 5
+    assert command.returncode == 5
     assert (
-        "\ntimed out: 1e-09 s of wall time over at t = " in done.stderr
+        "\ntimed out: 1e-09 s of wall time over at t = " in command.stderr
     )  # after warnings
     assert (
         json.loads((tmp_path / "a/manifest.json").read_text())["status"] == "timed out"
@@ -266,11 +270,20 @@ def test_a_condition_is_to_hold_for_its_time(interval, algorithm):
     )
     assert (ending.watched, ending.limit, ending.kind) == ([slot], 2.0, "below")
     assert ending.memory == ({"since": 3.0} if at_start else {})
-    met = []
+    reasons = []
     for k, value in enumerate((1.0, 1.0, 1.0, 9.0, 1.0, 1.0, 1.0, 1.0), start=1):
         master.k, live["Real"][1] = k, value
-        met.append(ending.reason())
-    assert met == ["", "", "it is low" if at_start else "", "", "", "", "", "it is low"]
+        reasons.append(ending.reason())
+    assert reasons == [
+        "",
+        "",
+        "it is low" if at_start else "",
+        "",
+        "",
+        "",
+        "",
+        "it is low",
+    ]
     live["Real"][1] = 9.0
     ending.reason()
     assert ending.memory == {}
@@ -289,10 +302,10 @@ def test_a_condition_that_has_just_held_long_enough_is_met():
         step_size=0.5,
         algorithm="gauss_seidel",
     )
-    held = 1.0 + 1e-9
-    assert held - 1e-9 == 1.0
+    hold_time = 1.0 + 1e-9
+    assert hold_time - 1e-9 == 1.0
     ending = stopping.watch(
-        master, Condition("a", "x", "below", 2.0, held, "low"), None
+        master, Condition("a", "x", "below", 2.0, hold_time, "low"), None
     )
     assert ending.reason() == "low"
     master.step_size = math.nextafter(0.5, 0.0)
