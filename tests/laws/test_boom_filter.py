@@ -35,16 +35,16 @@ SEPARATE = (
 )
 
 
-def listed(values) -> str:
+def format_values(values) -> str:
     return ",".join(str(x) for x in values)
 
 
 DISTURBED = (
-    f"gyro.bias_body={listed(BIAS)}",
-    f"spacecraft.tau_disturbance_body={listed(TORQUE)}",
-    f"spacecraft.residual_dipole_body={listed(DIPOLE)}",
+    f"gyro.bias_body={format_values(BIAS)}",
+    f"spacecraft.tau_disturbance_body={format_values(TORQUE)}",
+    f"spacecraft.residual_dipole_body={format_values(DIPOLE)}",
 )
-OFF = f"determination.misalignment_body={listed(OFFSET)}"
+OFF = f"determination.misalignment_body={format_values(OFFSET)}"
 DIPOLE_FIELD = "environment.field=dipole"
 IGRF = ("environment.field=igrf", "manager.field_model=igrf", "manager.igrf_degree=6")
 SETTING = boom_filter.Setting(
@@ -60,9 +60,9 @@ SETTING = boom_filter.Setting(
 @cache
 def run(stop, blocks=False, sets=()):
     options = Options(blocks=blocks, stop=stop, sets=list(sets))
-    found = execute("alsat1/firing-ours", options)
-    assert found.ok, found.manifest["message"]
-    return found
+    flight = execute("alsat1/firing-ours", options)
+    assert flight.ok, flight.manifest["message"]
+    return flight
 
 
 # --- the filter -----------------------------------------------------------------------
@@ -119,9 +119,9 @@ def test_the_covariance_stays_symmetric_and_positive_over_ten_orbits():
     q, omega = (0.0, 0.0, 0.0, 1.0), (0.0, -N, 0.0)
     x, p = boom_filter.begin(omega, SETTING)
     for k in range(6130):
-        measured = propagated(q, omega, 10.0)
+        attitude = propagated(q, omega, 10.0)
         q, x, p, _, surprise = boom_filter.update(
-            q, x, p, interval(10.0 * k), measured, omega, SETTING
+            q, x, p, interval(10.0 * k), attitude, omega, SETTING
         )
         assert surprise < kalman.UNSOUND
         if k % 100 == 0:
@@ -227,15 +227,17 @@ def refer(model_error=0.0):
     )
     for k in range(1838):
         b = orbit_field(10.0 * k)
-        turned = rotate((0.0, 0.0, math.sin(model_error), math.cos(model_error)), b)
+        erring_field = rotate(
+            (0.0, 0.0, math.sin(model_error), math.cos(model_error)), b
+        )
         offset = add(OFFSET, attitude_error.angles_of(x))
-        model = sub(turned, cross(offset, turned))
-        measured = tuple(np.add(b, 1e-6) + 3e-7 * rng.standard_normal(3))
+        model = sub(erring_field, cross(offset, erring_field))
+        field = tuple(np.add(b, 1e-6) + 3e-7 * rng.standard_normal(3))
         variance, remainder = attitude_error.variance_of(
-            x, remainder, measured, model, 1e-6, 10.0, 9000.0
+            x, remainder, field, model, 1e-6, 10.0, 9000.0
         )
         p = attitude_error.walked(p, 1e-6, 10.0)
-        x, p, _ = attitude_error.update(x, p, measured, model, variance, 6)
+        x, p, _ = attitude_error.update(x, p, field, model, variance, 6)
     return x, p
 
 
@@ -245,11 +247,11 @@ def test_offset_and_magnetometer_bias_are_found():
     assert np.array_equal(matrix, matrix.T)
     deviation = np.sqrt(np.diag(matrix))
     assert deviation[:3].max() < 5e-3
-    for found, truth, sigma in (
+    for estimate, truth, sigma in (
         (attitude_error.angles_of(x), sub((0.0, 0.0, 0.0), OFFSET), deviation[:3]),
         (attitude_error.field_error_of(x), (1e-6,) * 3, deviation[3:]),
     ):
-        assert np.all(np.abs(np.subtract(found, truth)) < 2.0 * sigma)
+        assert np.all(np.abs(np.subtract(estimate, truth)) < 2.0 * sigma)
 
 
 def test_a_model_that_does_not_fit_counts_less():
@@ -265,7 +267,7 @@ def test_a_known_error_moves_torque_into_attitude(change):
     x = np.zeros(15)
     x[3:6], x[6:9], x[9:12] = (2e-4, -N, 3e-4), BIAS, TORQUE
     nadir = (0.02, -0.03, 1.0)
-    _, moved = boom_filter.turn((0.0, 0.0, 0.0, 1.0), tuple(x), change, nadir, N, J)
+    _, new_state = boom_filter.turn((0.0, 0.0, 0.0, 1.0), tuple(x), change, nadir, N, J)
 
     def total(state, u):
         omega = tuple(state[3:6])
@@ -274,9 +276,9 @@ def test_a_known_error_moves_torque_into_attitude(change):
         )
         return add(free, tuple(state[9:12]))
 
-    after = total(moved, add(nadir, cross(change, nadir)))
+    after = total(new_state, add(nadir, cross(change, nadir)))
     assert after == pytest.approx(total(x, nadir), abs=1e-17)
-    gyro = add(boom_filter.rate_of(moved), boom_filter.bias_of(moved))
+    gyro = add(boom_filter.rate_of(new_state), boom_filter.bias_of(new_state))
     assert gyro == pytest.approx(tuple(x[3:6] + x[6:9]), abs=1e-17)
 
 
@@ -336,8 +338,8 @@ def test_learning_is_least_squares_with_weights_that_decay():
     rows = np.stack([np.ones(count), np.cos(phases), np.sin(phases)], axis=1)
     weights = retention ** np.arange(count - 1, -1, -1)
     information = retention**count * np.eye(3) / 1e3 + (rows.T * weights) @ rows
-    expected = np.linalg.solve(information, (rows.T * weights) @ fields)
-    assert pytest.approx(expected, abs=1e-15) == np.reshape(c, (3, 3)).T
+    least_squares = np.linalg.solve(information, (rows.T * weights) @ fields)
+    assert pytest.approx(least_squares, abs=1e-15) == np.reshape(c, (3, 3)).T
     assert np.linalg.inv(information) == pytest.approx(np.reshape(p, (3, 3)), rel=1e-9)
 
 
@@ -367,19 +369,19 @@ def test_the_periodic_momentum_solves_the_wheels_equations(mean, even, odd):
 
     first = orbit_momentum.periodic_momentum(torque, 0.0, N, True)
     last = solve_ivp(slope, (0.0, 3000.0), first, rtol=1e-9, atol=1e-12).y[:, -1]
-    expected = orbit_momentum.periodic_momentum(torque, 3000.0 * N, N, True)
-    assert last == pytest.approx(expected, abs=1e-6)
+    periodic = orbit_momentum.periodic_momentum(torque, 3000.0 * N, N, True)
+    assert last == pytest.approx(periodic, abs=1e-6)
 
 
 @given(torques, torques, torques, st.booleans())
 def test_the_size_of_the_periodic_momentum_bounds_it(mean, even, odd, has_roll):
     torque = orbit_momentum.OrbitTorque(mean, even, odd)
     size = np.array(orbit_momentum.periodic_size(torque, N, has_roll))
-    found = [
+    momenta = [
         orbit_momentum.periodic_momentum(torque, u, N, has_roll)
         for u in np.linspace(0.0, 2.0 * math.pi, 720)
     ]
-    assert np.abs(found).max(axis=0) == pytest.approx(size, rel=1e-4, abs=1e-12)
+    assert np.abs(momenta).max(axis=0) == pytest.approx(size, rel=1e-4, abs=1e-12)
 
 
 @given(torques, torques, torques, st.floats(0.0, 6.0))
@@ -390,9 +392,9 @@ def test_without_a_roll_wheel_each_axis_takes_its_own_torque(mean, even, odd, u)
         np.array(orbit_momentum.periodic_momentum(torque, x, N, False))
         for x in (u - 1e-3, u + 1e-3)
     )
-    expected = np.array(even) * math.cos(u) + np.array(odd) * math.sin(u)
-    expected[0] = 0.0
-    assert (after - before) / (2e-3 / N) == pytest.approx(expected, abs=1e-10)
+    periodic_torque = np.array(even) * math.cos(u) + np.array(odd) * math.sin(u)
+    periodic_torque[0] = 0.0
+    assert (after - before) / (2e-3 / N) == pytest.approx(periodic_torque, abs=1e-10)
 
 
 def test_the_torque_over_an_orbit_is_that_of_the_dipole_in_its_field():
@@ -401,10 +403,10 @@ def test_the_torque_over_an_orbit_is_that_of_the_dipole_in_its_field():
     mean, even, odd = orbit_momentum.torque_over_orbit(c, constant, dipole)
     u = 0.7
     field = np.reshape(c, (3, 3)) @ (1.0, math.cos(u), math.sin(u))
-    found = (
+    torque = (
         np.array(mean) + np.multiply(even, math.cos(u)) + np.multiply(odd, math.sin(u))
     )
-    assert found == pytest.approx(np.add(constant, np.cross(dipole, field)), rel=1e-12)
+    assert torque == pytest.approx(np.add(constant, np.cross(dipole, field)), rel=1e-12)
 
 
 @given(st.tuples(*(st.floats(-0.1, 0.1),) * 3))
@@ -471,14 +473,14 @@ def test_what_leans_or_wheels_cannot_do_is_a_reason(h_limit, torque, reason):
 
 
 def test_a_wheel_that_a_firing_fills_is_foreseen():
-    wired = frozenset({"q_ref_bi", "b_body"})
-    (line,) = joint(**SCHEDULE, h_limit=0.08).foresee(0.0, 2000.0, wired)
+    wires = frozenset({"q_ref_bi", "b_body"})
+    (line,) = joint(**SCHEDULE, h_limit=0.08).foresee(0.0, 2000.0, wires)
     assert line.startswith(
         "h_limit = 0.08 N m s: the largest firing, the bias and dump"
     )
     assert "need 0.083 N m s" in line
-    assert not list(joint(**SCHEDULE, h_limit=0.085).foresee(0.0, 2000.0, wired))
-    assert not list(joint(**SCHEDULE, h_limit=0.08).foresee(1040.0, 2000.0, wired))
+    assert not list(joint(**SCHEDULE, h_limit=0.085).foresee(0.0, 2000.0, wires))
+    assert not list(joint(**SCHEDULE, h_limit=0.08).foresee(1040.0, 2000.0, wires))
 
 
 def test_a_field_model_without_the_joint_estimator_is_foreseen():
@@ -499,12 +501,12 @@ def test_a_field_model_without_the_joint_estimator_is_foreseen():
 )
 def test_the_craft_stays_upright_with_bias_dipole_and_torque_at_once(more):
     """Both firings: roll and pitch; without the joint filter they exceed a degree."""
-    found = execute("alsat1/firing-ours", Options(sets=[*DISTURBED, *more]))
-    numbers = {k: n["value"] for k, n in found.manifest["numbers"].items()}
+    flight = execute("alsat1/firing-ours", Options(sets=[*DISTURBED, *more]))
+    numbers = {k: n["value"] for k, n in flight.manifest["numbers"].items()}
     assert max(numbers[k] for k in ("roll_1", "pitch_1", "roll_2", "pitch_2")) < 0.5
     assert numbers["on_time"] < 9500.0
     assert not numbers["wheel_saturated"]
-    assert not found.results.values("manager.filter_restarts").any()
+    assert not flight.results.values("manager.filter_restarts").any()
 
 
 def test_a_coarse_field_model_does_little_harm():
@@ -512,10 +514,10 @@ def test_a_coarse_field_model_does_little_harm():
     sets = (*DISTURBED, "environment.field=igrf")
     worst = []
     for more in ((NO_MODEL,), ()):
-        found = execute(
+        flight = execute(
             "alsat1/firing-ours", Options(stop=60000.0, sets=[*sets, *more])
         )
-        numbers = found.manifest["numbers"]
+        numbers = flight.manifest["numbers"]
         worst.append(max(numbers[k]["value"] for k in ("roll_1", "pitch_1")))
     assert worst[1] < worst[0] + 0.1
 

@@ -51,12 +51,12 @@ def test_planned_path_is_the_least(seed: int, most: float, peak: float) -> None:
         peak=0.0,
         peak_scale=1.0,
     )
-    first, _, path, _, converged = predictive.plan_path(problem, predictive.NO_PLAN)
-    assert converged
+    first, _, path, _, has_converged = predictive.plan_path(problem, predictive.NO_PLAN)
+    assert has_converged
     size = 0.85 * predictive.find_largest_momentum(problem, path)
     problem = predictive.penalise_peaks(problem, peak, size)
-    u, costate, path, _, converged = predictive.plan_path(problem, first)
-    assert converged
+    u, costate, path, _, has_converged = predictive.plan_path(problem, first)
+    assert has_converged
     dt = np.array(lengths)[:count]
     g = np.array(problem.effect).reshape(H, 3, 3)[:count]
     d = np.array(problem.drift)[:count]
@@ -106,7 +106,7 @@ def test_emptying_takes_hardly_more_than_the_linear_programme(seed: int) -> None
     most = np.zeros((N, 6))
     most[:count] = [limit] * 3 + [8.0] * 3
     fee = np.tile([0.0] * 3 + [1.0] * 3, N)
-    plan, _, settled = predictive.plan_unloading(
+    plan, _, has_settled = predictive.plan_unloading(
         predictive.UnloadingProblem(
             count,
             tuple(x0),
@@ -120,7 +120,7 @@ def test_emptying_takes_hardly_more_than_the_linear_programme(seed: int) -> None
         2e-5,
         12.5,
     )
-    assert settled
+    assert has_settled
     ours = np.array(plan)
     g = effect.reshape(-1, 3).T
     assert np.linalg.norm(x0 + g @ ours) < 1e-3
@@ -146,7 +146,7 @@ def test_plans_to_empty_converge(seed: int) -> None:
         effect[k] = np.concatenate([coils, tau * np.eye(3)]) @ to_eci.T
     longest = np.full((N, 3), 5.0)
     longest[0] = 10.0
-    _, _, settled = predictive.plan_unloading(
+    _, _, has_settled = predictive.plan_unloading(
         predictive.UnloadingProblem(
             count,
             tuple(x0.tolist()),
@@ -160,7 +160,7 @@ def test_plans_to_empty_converge(seed: int) -> None:
         2e-5,
         12.5,
     )
-    assert settled
+    assert has_settled
 
 
 def test_filter_finds_a_dead_and_a_turned_coil() -> None:
@@ -204,10 +204,10 @@ def test_filter_finds_a_dead_and_a_turned_coil() -> None:
             h[i] + sum(t * c[i] for t, c in zip(true, columns, strict=True))
             for i in range(3)
         ]
-        seen = tuple(y + draw.gauss(0.0, 1e-3) for y in h)
+        measured_h = tuple(y + draw.gauss(0.0, 1e-3) for y in h)
         rows = learning.causes(tuple(columns))
         x, p, _ = learning.update(
-            x, p, seen, rows, 1e-3, 1e-4, ((0.0,) * 3,) * 3, spreads, 1e-3, -1
+            x, p, measured_h, rows, 1e-3, 1e-4, ((0.0,) * 3,) * 3, spreads, 1e-3, -1
         )  # type: ignore[arg-type]
     assert x[13:17] == pytest.approx((0.0, 1.0, -1.0, 0.7), abs=0.05)
     assert x[4] == pytest.approx(2e-4, abs=3e-5)
@@ -232,67 +232,65 @@ def table(a: np.ndarray) -> tuple[float, ...]:
     return tuple(a.ravel().tolist())
 
 
-@pytest.mark.parametrize("doubted", [-1, learning.COILS + 2, learning.THRUSTERS])
-def test_an_update_is_that_of_a_kalman_filter(doubted: int) -> None:
+@pytest.mark.parametrize("actuator", [-1, learning.COILS + 2, learning.THRUSTERS])
+def test_an_update_is_that_of_a_kalman_filter(actuator: int) -> None:
     """By numpy, all three axes at once; x stays within the limits of e and f."""
     x, p, effects, random = a_filter(4)
     deviations = np.abs(random.normal(size=learning.STATES)) * 1e-2
     errors = 1e-3 * random.normal(size=(3, 3))
-    measured = np.array([0.12, -0.19, 0.31])
+    momentum = np.array([0.12, -0.19, 0.31])
     noise, walk, drift = 2e-2, 3e-3, 0.1
-    found, covariance, worst = learning.update(
+    state, covariance, worst = learning.update(
         table(x),
         table(p),
-        tuple(measured),
+        tuple(momentum),
         table(effects),
         noise,
         walk,
         tuple(tuple(e) for e in errors.tolist()),  # type: ignore[arg-type]
         table(deviations),
         drift,
-        doubted,
+        actuator,
     )
     prior = p.copy()
-    if doubted >= 0:
-        prior[doubted, doubted] += learning.SPREAD_ACTUATOR**2
+    if actuator >= 0:
+        prior[actuator, actuator] += learning.SPREAD_ACTUATOR**2
     prior[3:, 3:] += np.diag((drift * deviations[3:]) ** 2)
     f = np.eye(learning.STATES)
     f[:3, 3:] = effects
     prior = f @ prior @ f.T
     prior[:3, :3] += walk**2 * np.eye(3) + errors.T @ errors
     gain = prior[:, :3] @ np.linalg.inv(prior[:3, :3] + noise**2 * np.eye(3))
-    innovation = measured - (f @ x)[:3]
-    assert found == pytest.approx(f @ x + gain @ innovation, abs=1e-12)
-    expected = prior - gain @ prior[:3]
-    assert np.reshape(covariance, prior.shape) == pytest.approx(expected, abs=1e-12)
-    seen = learning.innovation(table(x), tuple(measured), table(effects))
-    assert seen == pytest.approx(tuple(innovation), abs=1e-15)
+    innovation = momentum - (f @ x)[:3]
+    assert state == pytest.approx(f @ x + gain @ innovation, abs=1e-12)
+    posterior = prior - gain @ prior[:3]
+    assert np.reshape(covariance, prior.shape) == pytest.approx(posterior, abs=1e-12)
+    law_innovation = learning.innovation(table(x), tuple(momentum), table(effects))
+    assert law_innovation == pytest.approx(tuple(innovation), abs=1e-15)
     assert worst >= innovation[0] ** 2 / (prior[0, 0] + noise**2) * (1.0 - 1e-9)
 
 
 def test_the_deviation_along_an_axis_leaves_out_what_is_known() -> None:
     _, p, effects, _ = a_filter(7)
-    axis, excluded = np.array([0.6, 0.0, -0.8]), learning.COILS + 1
+    axis, coil = np.array([0.6, 0.0, -0.8]), learning.COILS + 1
     along = np.concatenate([axis, axis @ effects])
-    along[excluded] = 0.0
-    found = learning.deviation_along(
-        table(p), table(effects), tuple(axis), excluded, 0.02
-    )
-    assert found == pytest.approx(math.sqrt(along @ p @ along + 0.02**2), rel=1e-12)
+    along[coil] = 0.0
+    sigma = learning.deviation_along(table(p), table(effects), tuple(axis), coil, 0.02)
+    assert sigma == pytest.approx(math.sqrt(along @ p @ along + 0.02**2), rel=1e-12)
     negative = table(-np.eye(learning.STATES))
     indefinite = learning.deviation_along(
-        negative, table(effects), (1, 0, 0), excluded, 0.0
+        negative, table(effects), (1, 0, 0), coil, 0.0
     )
     assert indefinite == 0.0
 
 
 def test_a_measurement_anew_forgets_momentum_alone() -> None:
     _, p, _, _ = a_filter(8)
-    found = np.reshape(learning.forgotten(table(p), 0.02), p.shape)
-    expected = p.copy()
-    expected[:3], expected[:, :3] = 0.0, 0.0
-    expected[:3, :3] = 0.02**2 * np.eye(3)
-    assert np.array_equal(found, expected)
+    new_covariance = np.reshape(learning.forgotten(table(p), 0.02), p.shape)
+    expected_covariance = p.copy()
+    expected_covariance[:3], expected_covariance[:, :3] = 0.0, 0.0
+    expected_covariance[:3, :3] = 0.02**2 * np.eye(3)
+    assert np.array_equal(new_covariance, expected_covariance)
 
 
 def test_known_torques_are_the_constant_and_the_periodic_ones() -> None:
@@ -309,19 +307,19 @@ def test_a_limit_moves_what_is_correlated_with_the_limited() -> None:
     i, certain = learning.COILS, learning.THRUSTERS
     x[i], x[certain] = 1.6, -1.3
     p[certain], p[:, certain] = 0.0, 0.0
-    expected = x - 0.5 * p[:, i] / p[i, i]
-    expected[i], expected[certain] = 1.1, -1.1
+    shifted_state = x - 0.5 * p[:, i] / p[i, i]
+    shifted_state[i], shifted_state[certain] = 1.1, -1.1
     state = x.tolist()
     learning._constrain(state, list(table(p)))
-    assert state == pytest.approx(expected.tolist(), rel=1e-12)
+    assert state == pytest.approx(shifted_state.tolist(), rel=1e-12)
 
 
 def test_prior_deviations_are_those_of_their_parameters() -> None:
     """Momentum, s, T_eci, T_o with the air, d, four coils, three thrusters, waves."""
-    found = learning.spreads(1e-6, 2e-6, 0.1, 1e-4)
-    expected = [1e-4] * 3 + [0.3] + [1e-6] * 3 + [3e-6] * 3 + [0.1] * 3
-    expected += [0.5] * 4 + [0.01] * 3 + [3e-6] * 6
-    assert found == pytest.approx(expected, rel=1e-12, abs=0.0)
+    spreads = learning.spreads(1e-6, 2e-6, 0.1, 1e-4)
+    prior_spreads = [1e-4] * 3 + [0.3] + [1e-6] * 3 + [3e-6] * 3 + [0.1] * 3
+    prior_spreads += [0.5] * 4 + [0.01] * 3 + [3e-6] * 6
+    assert spreads == pytest.approx(prior_spreads, rel=1e-12, abs=0.0)
 
 
 @pytest.mark.parametrize("doubt", [learning.HOLDING, learning.EMPTYING])
@@ -331,23 +329,31 @@ def test_evidence_is_what_innovations_have_beyond_uncertain_effects(
     """Two samples, each longer than what is averaged, so that each counts alone."""
     _, p, effects, random = a_filter(9)
     p *= 1e-2
-    orbit, passed = 5400.0, 100.0
-    memory = 1.0 - passed / (orbit / 3.0)
-    candidates = effects[:, 1:17] / passed
-    found = 0.2 * random.normal(size=(2, 3))
+    orbit, elapsed_time = 5400.0, 100.0
+    memory = 1.0 - elapsed_time / (orbit / 3.0)
+    candidates = effects[:, 1:17] / elapsed_time
+    innovations = 0.2 * random.normal(size=(2, 3))
     evidence = learning.NO_EVIDENCE
-    for seen in found:
+    for innovation in innovations:
         evidence = learning.gather(
-            evidence, table(p), tuple(seen), table(effects), passed, orbit, doubt
+            evidence,
+            table(p),
+            tuple(innovation),
+            table(effects),
+            elapsed_time,
+            orbit,
+            doubt,
         )
-    push = found / passed
+    push = innovations / elapsed_time
     most = np.array([2.0] * 9 + [doubt.expected] * 4 + [2.0] * 3)
-    explained = most**2 * np.diag(p)[4:20] * (candidates**2).sum(axis=0)
-    excess = np.maximum((push**2).sum(axis=1) - explained.sum(), 0.0)
+    known_variance = most**2 * np.diag(p)[4:20] * (candidates**2).sum(axis=0)
+    excess = np.maximum((push**2).sum(axis=1) - known_variance.sum(), 0.0)
     assert excess.min() > 0.0
-    decays = np.array([memory, 1.0]) * passed
-    recent = passed / orbit * (excess[1] + (1.0 - passed / orbit) * excess[0])
-    expected = learning.Evidence(
+    decays = np.array([memory, 1.0]) * elapsed_time
+    recent = (
+        elapsed_time / orbit * (excess[1] + (1.0 - elapsed_time / orbit) * excess[0])
+    )
+    numpy_evidence = learning.Evidence(
         push[1],
         candidates.T,
         decays @ push @ candidates,
@@ -356,7 +362,7 @@ def test_evidence_is_what_innovations_have_beyond_uncertain_effects(
         excess[1],
         recent,
     )
-    for part, expected_part in zip(evidence, expected, strict=True):
+    for part, expected_part in zip(evidence, numpy_evidence, strict=True):
         assert np.array(part) == pytest.approx(expected_part, rel=1e-9, abs=0.0)
     size = math.sqrt(max(excess[1], recent) / 3.0)
     assert learning.unmodelled_torque(evidence) == pytest.approx(size, rel=1e-9)
@@ -393,25 +399,27 @@ def test_only_what_follows_a_command_is_a_lost_coil(cause: str) -> None:
     """Innovations of a coil that gives nothing any more, of one that is turned and driven
     steadily, so that only a dipole beyond its prior looks the same, of a pulse, of a dipole.
     """
-    draw, orbit, passed = random.Random(5), 5700.0, 10.0
+    draw, orbit, elapsed_time = random.Random(5), 5700.0, 10.0
     evidence = learning.NO_EVIDENCE
     p, x = (0.0,) * learning.STATES**2, learning.first_state((0.0, 0.0, 0.0))
     failures, largest = [], 0.0
     for k in range(570):
-        columns = _effects(2.0 * math.pi * passed * k / orbit, passed, cause)
-        found = np.array([draw.gauss(0.0, 1e-6) for _ in range(3)])
+        columns = _effects(
+            2.0 * math.pi * elapsed_time * k / orbit, elapsed_time, cause
+        )
+        innovation = np.array([draw.gauss(0.0, 1e-6) for _ in range(3)])
         if cause in CHANGES:
-            found -= CHANGES[cause] * np.array(columns[learning.COILS + 1 - 3])
+            innovation -= CHANGES[cause] * np.array(columns[learning.COILS + 1 - 3])
         elif cause == "dipole":
-            found += 0.05 * np.array(columns[learning.DIPOLE - 3])
+            innovation += 0.05 * np.array(columns[learning.DIPOLE - 3])
         elif 200 <= k < 260:
-            found += passed * np.array([2e-6, 3e-6, -1e-6])
+            innovation += elapsed_time * np.array([2e-6, 3e-6, -1e-6])
         evidence = learning.gather(
             evidence,
             p,
-            tuple(found.tolist()),  # type: ignore[arg-type]
+            tuple(innovation.tolist()),  # type: ignore[arg-type]
             learning.causes(tuple(columns)),
-            passed,
+            elapsed_time,
             orbit,
             learning.HOLDING,
         )
@@ -428,7 +436,9 @@ def test_only_what_follows_a_command_is_a_lost_coil(cause: str) -> None:
         assert largest == pytest.approx(math.sqrt(14.0 / 3.0) * 1e-6, rel=0.1)
 
 
-def _effects(u: float, passed: float, cause: str) -> list[tuple[float, float, float]]:
+def _effects(
+    u: float, elapsed_time: float, cause: str
+) -> list[tuple[float, float, float]]:
     """Return the effects of constant torques, dipoles and coils over a sample at u (rad)."""
     b = np.array([2e-5 * math.cos(u), 3e-6, 4e-5 * math.sin(u)])
     m = 0.05 * np.array([math.sin(3.0 * u), math.cos(2.0 * u), math.sin(u + 1.0)])
@@ -437,11 +447,11 @@ def _effects(u: float, passed: float, cause: str) -> list[tuple[float, float, fl
     columns = [(0.0, 0.0, 0.0)] * learning.CAUSES
     for i in range(3):
         axis = np.eye(3)[i]
-        moved = passed * np.cross(axis, b)
+        dipole_effect = elapsed_time * np.cross(axis, b)
         for first, column in (
-            (learning.INERTIAL, passed * axis),
-            (learning.DIPOLE, moved),
-            (learning.COILS, m[i] * moved),
+            (learning.INERTIAL, elapsed_time * axis),
+            (learning.DIPOLE, dipole_effect),
+            (learning.COILS, m[i] * dipole_effect),
         ):
             columns[first + i - 3] = tuple(column)
     return columns
@@ -451,7 +461,7 @@ def test_the_torque_of_the_air_is_that_of_drag_at_the_perigee() -> None:
     """From any point of the orbit, beside the plant's own drag on a cube of 0.3 m."""
     side, elements = 0.3, orbit.Elements(7e6, 0.05, 0.9, 0.3, 0.2, 2.0)
     inertia = learning.BULK_DENSITY * side**5 / 6.0
-    seen = {
+    air_torques = {
         m: learning.air_torque(
             inertia, *orbit.state_from_elements(elements._replace(mean_anomaly=m))
         )
@@ -463,10 +473,12 @@ def test_the_torque_of_the_air_is_that_of_drag_at_the_perigee() -> None:
     torque = torques.drag(
         (speed, 0.0, 0.0), density, 2.2 * side**2, (0.0, 0.1 * side, 0.0)
     )
-    assert seen == pytest.approx(dict.fromkeys(seen, math.hypot(*torque)), rel=1e-9)
+    assert air_torques == pytest.approx(
+        dict.fromkeys(air_torques, math.hypot(*torque)), rel=1e-9
+    )
 
 
-def _seen(e: float, deviation: float, doubt: learning.Doubt, is_suspected: bool):
+def _judge_coil(e: float, deviation: float, doubt: learning.Doubt, is_suspected: bool):
     """Return the state that is used, x and P of the filter; one coil has e."""
     x = list(learning.first_state((0.0, 0.0, 0.0)))
     x[learning.COILS + 1], x[learning.INERTIAL] = e, 1e-6
@@ -475,9 +487,9 @@ def _seen(e: float, deviation: float, doubt: learning.Doubt, is_suspected: bool)
     p[i, i], p[j, j] = deviation**2, 1e-12
     p[i, j] = p[j, i] = 0.5e-6 * deviation
     none = (0.0, 0.0, 0.0, 0.0)
-    suspected = learning.suspect(none, i if is_suspected else -1)
-    seen = learning.judge(tuple(x), tuple(p.ravel().tolist()), doubt, suspected)
-    return seen, x, p
+    suspicion = learning.suspect(none, i if is_suspected else -1)
+    used_state = learning.judge(tuple(x), tuple(p.ravel().tolist()), doubt, suspicion)
+    return used_state, x, p
 
 
 @pytest.mark.parametrize("doubt", [learning.HOLDING, learning.EMPTYING])
@@ -487,22 +499,22 @@ def _seen(e: float, deviation: float, doubt: learning.Doubt, is_suspected: bool)
 def test_a_coil_is_whole_until_its_loss_is_likely(
     e: float, deviation: float, used: float, doubt: learning.Doubt
 ) -> None:
-    seen, x, p = _seen(e, deviation, doubt, is_suspected=False)
+    used_state, x, p = _judge_coil(e, deviation, doubt, is_suspected=False)
     i, j = learning.COILS + 1, learning.INERTIAL
-    assert seen[i] == pytest.approx(used, abs=0.02)
-    shift = p[i, j] / p[i, i] * (seen[i] - e)
-    assert seen[j] == pytest.approx(x[j] + shift, abs=1e-9)
+    assert used_state[i] == pytest.approx(used, abs=0.02)
+    shift = p[i, j] / p[i, i] * (used_state[i] - e)
+    assert used_state[j] == pytest.approx(x[j] + shift, abs=1e-9)
 
 
 def test_a_suspected_coil_is_found_turned_sooner() -> None:
     """With a deviation at which a coil that nothing points to counts as whole."""
     for is_suspected in (False, True):
-        seen, _, _ = _seen(-0.9, 0.22, learning.HOLDING, is_suspected)
-        used = seen[learning.COILS + 1]
+        used_state, _, _ = _judge_coil(-0.9, 0.22, learning.HOLDING, is_suspected)
+        used = used_state[learning.COILS + 1]
         assert used < 0.0 if is_suspected else used > 0.9
     # as after a pulse that a healthy coil has countered
-    seen, _, _ = _seen(0.4, 0.16, learning.HOLDING, is_suspected=True)
-    assert seen[learning.COILS + 1] > 0.7
+    used_state, _, _ = _judge_coil(0.4, 0.16, learning.HOLDING, is_suspected=True)
+    assert used_state[learning.COILS + 1] > 0.7
 
 
 @pytest.mark.parametrize(
@@ -538,8 +550,8 @@ def test_a_turned_coil_is_found_and_used(tmp_path: Path) -> None:
     run = execute(
         "space_telescope/predictive-flipped", Options(stop=15000.0), tmp_path / "run"
     )
-    seen = run.results.values("manager.effectiveness")
-    assert seen[-2] == pytest.approx((-1.0, 1.0, 1.0, 1.0), abs=0.1)
+    effectiveness = run.results.values("manager.effectiveness")
+    assert effectiveness[-2] == pytest.approx((-1.0, 1.0, 1.0, 1.0), abs=0.1)
     full = execute(
         "space_telescope/predictive-nominal", Options(stop=15000.0), tmp_path / "whole"
     )
@@ -551,20 +563,20 @@ def test_a_turned_coil_is_found_and_used(tmp_path: Path) -> None:
 
 def test_a_firing_that_is_cut_gives_the_thrusters_limit() -> None:
     """A thruster of 0.7: half a firing gives its command, a whole one 0.7 of it."""
-    limit, spread, bound, error = 1.0, learning.SPREAD_ACTUATOR, 0.0, 0.01
-    assert thrust_limit.dependable(limit, spread, bound) == 0.5
-    bound = thrust_limit.raise_bound(bound, 0.6, 0.6, error)
-    assert thrust_limit.dependable(limit, spread, bound) == pytest.approx(0.57)
-    assert not thrust_limit.is_tested(limit, spread, bound, 0.6, error)
-    assert thrust_limit.is_tested(limit, spread, bound, 1.0, error)
+    limit, spread, thrust_bound, error = 1.0, learning.SPREAD_ACTUATOR, 0.0, 0.01
+    assert thrust_limit.dependable(limit, spread, thrust_bound) == 0.5
+    thrust_bound = thrust_limit.raise_bound(thrust_bound, 0.6, 0.6, error)
+    assert thrust_limit.dependable(limit, spread, thrust_bound) == pytest.approx(0.57)
+    assert not thrust_limit.is_tested(limit, spread, thrust_bound, 0.6, error)
+    assert thrust_limit.is_tested(limit, spread, thrust_bound, 1.0, error)
     assert thrust_limit.is_cut(1.0, 0.7, error)
     limit, spread = thrust_limit.correct(limit, spread, 0.7, error)
     assert limit == pytest.approx(0.7, abs=1e-3)
-    assert thrust_limit.dependable(limit, spread, bound) == pytest.approx(
+    assert thrust_limit.dependable(limit, spread, thrust_bound) == pytest.approx(
         0.69, abs=1e-3
     )
     # from here on a smaller thrust is a change of the effectiveness
-    assert not thrust_limit.is_tested(limit, spread, bound, 0.7, error)
+    assert not thrust_limit.is_tested(limit, spread, thrust_bound, 0.7, error)
 
 
 @pytest.mark.parametrize(("level", "draw"), [(0.028, 20), (0.028, 14), (0.02, 4)])
@@ -594,14 +606,14 @@ def test_weak_thrusters_empty_the_wheels_without_haste(
 @pytest.mark.parametrize("capacity", [0.0, 1.0, 100.0])
 def test_nearly_empty_wheels_take_less_energy(capacity: float, tmp_path: Path) -> None:
     """With wheels of 1 N m s the day's momentum is below 2 % of it."""
-    found = {}
+    energies = {}
     for limit in (0.0, capacity):
         day = Options(stop=17220.0, values={"manager.h_limit": limit})
         run = execute("nadir_day/laws-predictive-igrf", day, tmp_path / f"{limit}")
         energy = run.results.values("torquers.dipole_energy")
         wheels = np.abs(run.results.values("wheels.h_wheel")[-1000:]).max()
-        found[limit] = energy[-1] - energy[len(energy) // 3], wheels
-    (full, _), (energy, peak) = found[0.0], found[capacity]
+        energies[limit] = energy[-1] - energy[len(energy) // 3], wheels
+    (full, _), (energy, peak) = energies[0.0], energies[capacity]
     assert energy == full if capacity == 0.0 else energy < 0.8 * full
     assert capacity == 0.0 or peak < 0.02 * capacity
 
@@ -610,12 +622,14 @@ def test_nearly_empty_wheels_take_less_energy(capacity: float, tmp_path: Path) -
 def test_wheels_are_empty_at_the_end(tmp_path: Path, case: str) -> None:
     run = execute(f"uosat12/predictive-{case}", Options(), tmp_path / "run")
     assert run.manifest.numbers["final_momentum"].value < 0.01
-    fired, bound = (
+    firing_seconds, bound_seconds = (
         run.manifest.numbers[n].value for n in ("firing_time", "bound_same_end")
     )
-    assert fired < bound + 1.0
-    seen = run.results.values("manager.effectiveness")[-2]
-    assert seen[1] == pytest.approx(0.0 if case == "dead_unknown" else 1.0, abs=0.05)
+    assert firing_seconds < bound_seconds + 1.0
+    effectiveness = run.results.values("manager.effectiveness")[-2]
+    assert effectiveness[1] == pytest.approx(
+        0.0 if case == "dead_unknown" else 1.0, abs=0.05
+    )
 
 
 def test_a_day_is_held_low_and_a_strange_field_falls_back(tmp_path: Path) -> None:
@@ -625,8 +639,8 @@ def test_a_day_is_held_low_and_a_strange_field_falls_back(tmp_path: Path) -> Non
     axes = np.reshape(run.manifest.values_of("wheels")["axes_wheel"], (3, 4))
     together = run.results.values("wheels.h_wheel") @ axes.T
     assert np.linalg.norm(together[-600:], axis=1).max() < 0.005
-    turned = Rotation.from_rotvec([0.8, 0.6, 0.4]).as_matrix() - np.eye(3)
-    errors = {"magnetometer.response_error": turned.ravel().tolist()}
+    rotation_error = Rotation.from_rotvec([0.8, 0.6, 0.4]).as_matrix() - np.eye(3)
+    errors = {"magnetometer.response_error": rotation_error.ravel().tolist()}
     wrong = Options(stop=600.0, values=errors)
     off = execute("nadir_day/laws-predictive-igrf", wrong, tmp_path / "off")
     assert set(off.results.values("manager.mode")[:-1].tolist()) == {3}
@@ -677,8 +691,8 @@ def test_a_lost_filter_starts_anew_and_says_so() -> None:
     for k in range(4):
         block.b_body = block.field_eci(block.r_eci, 10.0 * k, igrf=False)
         if k == 2:
-            known = momentum_observer.Filter(*block._filter)
-            block._filter = known._replace(p=(-1.0,) * len(known.p))
+            sound_filter = momentum_observer.Filter(*block._filter)
+            block._filter = sound_filter._replace(p=(-1.0,) * len(sound_filter.p))
         block.compute(10.0 * k, 10.0)
         counts.append(block.filter_restarts)
     assert counts == [0, 0, 1, 1]
@@ -692,7 +706,7 @@ def test_a_thruster_is_known_until_it_is_doubted() -> None:
     x, p = learning.first_state((0.0, 0.0, 0.0)), learning.first_covariance(spreads)
     first = learning.THRUSTERS - learning.MOMENTUM_STATES
     impulse, h = 0.2, 0.0
-    for doubted in (-1, learning.THRUSTERS, -1):
+    for actuator in (-1, learning.THRUSTERS, -1):
         columns = [(0.0, 0.0, 0.0)] * learning.CAUSES
         columns[first] = (impulse, 0.0, 0.0)
         h += 0.5 * impulse
@@ -706,7 +720,7 @@ def test_a_thruster_is_known_until_it_is_doubted() -> None:
             ((0.0,) * 3,) * 3,  # type: ignore[arg-type]
             spreads,
             0.0,
-            doubted,
+            actuator,
         )
     assert x[learning.THRUSTERS] == pytest.approx(0.5, abs=0.02)
 
@@ -724,8 +738,8 @@ def test_a_slew_ahead_is_that_of_the_guidance(seed: int, tmp_path: Path) -> None
             direct = slew.attitude_at(turn, q0, 0.0, at)
             assert slew.attitude_at(turn, q, since, at) == pytest.approx(direct)
     before, after = (slew.attitude_at(turn, q0, 0.0, t) for t in (399.9, 400.1))
-    moved = product(after, inverse(before))
-    assert np.array(moved[:3]) * 2.0 / 0.2 == pytest.approx(
+    step_rotation = product(after, inverse(before))
+    assert np.array(step_rotation[:3]) * 2.0 / 0.2 == pytest.approx(
         slew.rate_at(turn, 400.0), rel=1e-5
     )
     end = slew.attitude_at(turn, q0, 0.0, 700.0)
@@ -757,6 +771,6 @@ def test_the_weight_of_standstill_is_what_null_space_momentum_follows(
         shares.append(
             [run.manifest.numbers[n].value for n in ("near_zero", "null_end")]
         )
-    (near, null), (far, held) = shares
+    (near, null), (far, standing_share) = shares
     assert near > 90.0 > 1.0 > far
-    assert held > 4.0 > 0.5 > null
+    assert standing_share > 4.0 > 0.5 > null

@@ -70,7 +70,7 @@ def cost_of(
 def test_a_step_without_coils_keeps_the_momentum_and_follows_a_finer_one() -> None:
     u: Vec4 = (1e-3, -5e-4, 0.0, 0.0)
 
-    def ended(parts: int) -> tuple[Vec3, Vec3, Vec4]:
+    def fly_parts(parts: int) -> tuple[Vec3, Vec3, Vec4]:
         model = MODEL._replace(step=1.0 / parts)
         omega, b, h = (0.1, -0.1, 0.1), FIELD, STILL
         for _ in range(30 * parts):
@@ -80,9 +80,9 @@ def test_a_step_without_coils_keeps_the_momentum_and_follows_a_finer_one() -> No
 
     first = np.linalg.norm(mat_vec(CARRIER, (0.1, -0.1, 0.1)))
     errors = []
-    exact = ended(64)[0]
+    exact = fly_parts(64)[0]
     for parts in (1, 2, 4):
-        omega, b, h = ended(parts)
+        omega, b, h = fly_parts(parts)
         total = np.add(mat_vec(CARRIER, omega), rollout.along(AXES, h))
         assert np.linalg.norm(total) == pytest.approx(first, rel=2e-3)
         assert np.linalg.norm(b) == pytest.approx(np.linalg.norm(FIELD), rel=5e-3)
@@ -97,12 +97,12 @@ def test_the_search_is_never_later_than_the_law_or_what_was_chosen_before() -> N
     law = cost_of(rollout.none())
     before, cost = rollout.none(), law
     for index in range(3):
-        found, result = rollout.sought(
+        sequence, result = rollout.sought(
             ALONE, (0.1, -0.1, 0.1), FIELD, STILL, before, index, 2, 8, 20, 900
         )
         assert result <= cost
-        assert result == pytest.approx(cost_of(found), rel=1e-12)
-        before, cost = found, result
+        assert result == pytest.approx(cost_of(sequence), rel=1e-12)
+        before, cost = sequence, result
     assert cost < 0.8 * law
     assert all(abs(u) <= 1e-3 for u in before.torques)
     for absent in (1, 2, 3):
@@ -116,22 +116,22 @@ def test_a_flight_is_dropped_once_it_is_later_or_too_fast_for_the_model() -> Non
     assert cost_of(spun) < 901.0
     assert cost_of(spun, fastest=0.15) == inf
     omega = (2e-3, 0.0, 0.0)
-    found, cost = rollout.sought(ALONE, omega, FIELD, STILL, spun, 0, 4, 64, 20, 900)
-    assert found == rollout.none()
+    sequence, cost = rollout.sought(ALONE, omega, FIELD, STILL, spun, 0, 4, 64, 20, 900)
+    assert sequence == rollout.none()
     assert cost < 0.0
 
 
 def test_a_sequence_that_has_begun_goes_on_where_it_was() -> None:
     """Its segments are counted from its own beginning: as one of what is left of it."""
     a, b, c, d = (1e-3, -5e-4, -1e-3, 7e-4)
-    begun = rollout.Sequence(
+    whole_sequence = rollout.Sequence(
         tuple(x for u in (a, b, c, d) for x in (u, 0.0, 0.0, 0.0)), 4, 20
     )
     remaining = rollout.Sequence(
         tuple(x for u in (b, c, d, 0) for x in (u, 0.0, 0.0, 0.0)), 3, 0
     )
-    assert cost_of(begun) == cost_of(remaining)
-    assert cost_of(begun) != cost_of(remaining._replace(segments=2))
+    assert cost_of(whole_sequence) == cost_of(remaining)
+    assert cost_of(whole_sequence) != cost_of(remaining._replace(segments=2))
     half = rollout.Sequence(remaining.torques, 2, 10)
     parts = rollout.Sequence(
         tuple(x for u in (b, c, c, 0) for x in (u, 0.0, 0.0, 0.0)), 3, 0
@@ -192,7 +192,7 @@ def test_the_filter_knows_the_rate_along_the_field_and_how_well() -> None:
     """Body and field integrated in fine steps here; errors over their own covariance."""
     random = np.random.default_rng(5)
     inverse = inverse_inertia(CARRIER)
-    noise, squares, aligned = 3e-7, [], []
+    noise, squares, along_field = 3e-7, [], []
     doubts = craft_filter.Doubts(0.2, noise, 0.0, 0.0, 0.0)
     setting = craft_filter.Setting(doubts, CARRIER, 3e-5, 3e-8)
     for _ in range(12):
@@ -214,15 +214,17 @@ def test_the_filter_knows_the_rate_along_the_field_and_how_well() -> None:
                 omega = omega + 0.05 * np.asarray(slope)
                 half = b + 0.025 * np.asarray(cross(tuple(b), tuple(middle)))
                 b = b + 0.05 * np.asarray(cross(tuple(half), tuple(middle)))
-            seen = tuple(b + noise * random.normal(size=3))
-            passed = craft_filter.Passed(1.0, ZERO, ZERO, ZERO, seen, ZERO, 0.0)
-            x, p, _ = craft_filter.updated(x, p, passed, setting, True)
+            measured_field = tuple(b + noise * random.normal(size=3))
+            interval = craft_filter.Passed(
+                1.0, ZERO, ZERO, ZERO, measured_field, ZERO, 0.0
+            )
+            x, p, _ = craft_filter.updated(x, p, interval, setting, True)
             if k >= 100 and k % 10 == 0:
                 error = np.subtract(craft_filter.rate_of(x), omega)
                 covariance = np.reshape(craft_filter.rates_covariance(p), (3, 3))
                 squares.append(error @ np.linalg.solve(covariance, error))
-                aligned.append(abs(error @ b) / np.linalg.norm(b))
-    assert np.median(aligned) < 2e-3  # of 0.1 rad/s, which no single sample shows
+                along_field.append(abs(error @ b) / np.linalg.norm(b))
+    assert np.median(along_field) < 2e-3  # of 0.1 rad/s, which no single sample shows
     # of three degrees of freedom; the field here is held, so that the filter errs to
     # the safe side
     assert 0.3 < np.mean(squares) < 4.5
@@ -293,11 +295,11 @@ def test_it_detumbles_and_says_so_after_the_hold_time() -> None:
 
 
 def test_friction_is_given_beside_the_law() -> None:
-    plain, rubbed = Flight(), Flight(friction=2e-4)
-    for flight in (plain, rubbed):
+    plain, with_friction = Flight(), Flight(friction=2e-4)
+    for flight in (plain, with_friction):
         flight.go(300)
-    assert rubbed.block._friction[0] == pytest.approx(2e-4, rel=0.05)
-    assert rubbed.block.mode == DETUMBLED
+    assert with_friction.block._friction[0] == pytest.approx(2e-4, rel=0.05)
+    assert with_friction.block.mode == DETUMBLED
 
 
 def test_a_dead_wheel_is_noticed_and_the_coils_take_the_gain_that_lets_the_field_turn() -> (
@@ -397,8 +399,13 @@ def test_a_sequence_is_followed_for_its_segments_and_no_longer() -> None:
     block._segments, block._elapsed = 2, 0
     block.torque_limit = block.h_limit = 1.0
     block._watch = lambda t: None  # type: ignore[method-assign]
-    seen = [(flight.go(1).mode, block.tau_cmd_wheel[0]) for _ in range(4)]
-    assert seen == [(PLANNED, 5e-4), (PLANNED, -5e-4), (PLANNED, -5e-4), (BRAKING, 0.0)]
+    modes = [(flight.go(1).mode, block.tau_cmd_wheel[0]) for _ in range(4)]
+    assert modes == [
+        (PLANNED, 5e-4),
+        (PLANNED, -5e-4),
+        (PLANNED, -5e-4),
+        (BRAKING, 0.0),
+    ]
 
 
 def test_a_coil_at_its_limit_is_saturated() -> None:
@@ -437,9 +444,11 @@ def test_the_known_field_of_the_coils_is_taken_off() -> None:
     flight.go(1)
     m = flight.block.m_cmd_body
     assert m[0] != 0.0
-    seen = flight.b
+    field = flight.b
     flight.go(1)
-    assert flight.block._b == pytest.approx((seen[0] - 1e-5 * m[0], seen[1], seen[2]))
+    assert flight.block._b == pytest.approx(
+        (field[0] - 1e-5 * m[0], field[1], field[2])
+    )
 
 
 DOUBTS = {"inertia_spread": 0.1, "coil_spread": 0.5, "coupling_spread": 4e-6}
@@ -457,14 +466,14 @@ def test_what_a_constant_does_is_what_another_one_would_have_done() -> None:
     """The columns of inertia and coils against two predictions by other constants."""
     carrier = tuple(np.add(CARRIER, (0, 0.01, -0.02, 0.01, 0, 0.015, -0.02, 0.015, 0)))
     omega, dipole, wheel = (0.09, -0.06, 0.11), (2.0, -1.5, 1.0), (0.01, -0.02, 0.005)
-    begun = craft_filter.Setting(
+    filter_setting = craft_filter.Setting(
         craft_filter.Doubts(0.2, 3e-7, 0.01, 0.5, 0.0), carrier, 0.0, 0.0
     )
-    x, _ = craft_filter.begin(FIELD, ZERO, begun)
+    x, _ = craft_filter.begin(FIELD, ZERO, filter_setting)
     x = omega + x[3:]
     tau = (1e-3, -5e-4, 2e-4)
 
-    def ended(x: tuple[float, ...]) -> np.ndarray:
+    def predict_field(x: tuple[float, ...]) -> np.ndarray:
         j = craft_filter.carrier_of(x)
         m = tuple(np.multiply(x[12:15], dipole))
         ends = rate_observer.predicted(
@@ -475,7 +484,7 @@ def test_what_a_constant_does_is_what_another_one_would_have_done() -> None:
     effects = [0.0] * (6 * craft_filter.STATES)
     inverse = inverse_inertia(carrier)
     craft_filter._fill_moving(effects, x, wheel, inverse, 0.5)
-    after = tuple(ended(x)[:3])
+    after = tuple(predict_field(x)[:3])
     craft_filter._fill_constants(effects, x, after, dipole, inverse, 0.5)
     matrix = np.reshape(effects, (6, craft_filter.STATES))
     for state in range(15):
@@ -483,7 +492,7 @@ def test_what_a_constant_does_is_what_another_one_would_have_done() -> None:
         more, less = (
             tuple(v + s * (k == state) for k, v in enumerate(x)) for s in (step, -step)
         )
-        slope = (ended(more) - ended(less)) / (2.0 * step)
+        slope = (predict_field(more) - predict_field(less)) / (2.0 * step)
         size = np.max(np.abs(slope[:3])), np.max(np.abs(slope[3:]))
         # what the field's error does to the rate by a dipole is left out
         if not 3 <= state < 6:
@@ -494,41 +503,41 @@ def test_what_a_constant_does_is_what_another_one_would_have_done() -> None:
 
 
 def test_what_is_certain_stays_and_what_is_unknown_is_only_considered() -> None:
-    passed = craft_filter.Passed(
+    interval = craft_filter.Passed(
         1.0, (2.0, -2.0, 2.0), ZERO, ZERO, (3e-5, -1e-5, 2e-5), ZERO, 0.0
     )
     for certain in (setting(0.0, 0.0, 0.0), setting(0.03, 0.5, 4e-6)):
         x, p = craft_filter.begin(FIELD, ZERO, certain)
         first = x
         learns = certain.doubts.moment == 0.0
-        x, p, _ = craft_filter.updated(x, p, passed, certain, learns)
+        x, p, _ = craft_filter.updated(x, p, interval, certain, learns)
         assert x[6:] == first[6:]
         assert x[:6] != first[:6]
     matrix = np.reshape(p, (24, 24))
     assert np.array_equal(matrix, matrix.T)
-    begun = np.reshape(craft_filter.begin(FIELD, ZERO, certain)[1], (24, 24))
-    assert np.array_equal(matrix[6:, 6:], begun[6:, 6:])
-    x, p, _ = craft_filter.updated(x, p, passed, certain, True)
+    first_covariance = np.reshape(craft_filter.begin(FIELD, ZERO, certain)[1], (24, 24))
+    assert np.array_equal(matrix[6:, 6:], first_covariance[6:, 6:])
+    x, p, _ = craft_filter.updated(x, p, interval, certain, True)
     assert x[12:15] != first[12:15]
 
 
 def test_a_field_that_is_no_number_or_a_negative_variance_is_unsound() -> None:
     it = setting(0.03, 0.5, 4e-6)
     x, p = craft_filter.begin(FIELD, ZERO, it)
-    passed = craft_filter.Passed(1.0, ZERO, ZERO, ZERO, FIELD, ZERO, 0.0)
-    assert craft_filter.updated(x, p, passed, it, True)[2] < 1.0
-    wrong = passed._replace(field=(inf, 0.0, 0.0))
+    interval = craft_filter.Passed(1.0, ZERO, ZERO, ZERO, FIELD, ZERO, 0.0)
+    assert craft_filter.updated(x, p, interval, it, True)[2] < 1.0
+    wrong = interval._replace(field=(inf, 0.0, 0.0))
     assert craft_filter.updated(x, p, wrong, it, True)[2] == kalman.UNSOUND
     negative = tuple(-1.0 if k == 25 * 12 else v for k, v in enumerate(p))
-    assert craft_filter.updated(x, negative, passed, it, True)[2] == kalman.UNSOUND
+    assert craft_filter.updated(x, negative, interval, it, True)[2] == kalman.UNSOUND
 
 
 def test_the_filter_begins_with_what_it_is_told() -> None:
     """Moments and products in their order, doubts by state, a dipole's doubt with it."""
     carrier = (2.0, 0.1, 0.2, 0.1, 3.0, 0.3, 0.2, 0.3, 4.0)
     doubts = craft_filter.Doubts(0.2, 3e-7, 0.5, 0.4, 4e-6)
-    begun = craft_filter.Setting(doubts, carrier, 0.0, 0.0)
-    x, p = craft_filter.begin(FIELD, (2.0, -1.0, 0.5), begun)
+    filter_setting = craft_filter.Setting(doubts, carrier, 0.0, 0.0)
+    x, p = craft_filter.begin(FIELD, (2.0, -1.0, 0.5), filter_setting)
     assert x == (
         0.0,
         0.0,
@@ -544,8 +553,8 @@ def test_the_filter_begins_with_what_it_is_told() -> None:
         *[0] * 9,
     )
     assert craft_filter.carrier_of(x) == carrier
-    coupled = (3e-7) ** 2 + (4e-6) ** 2 * 5.25
-    variances = [0.04] * 3 + [coupled] * 3 + [0.25] * 3 + [0.01] * 3
+    field_variance = (3e-7) ** 2 + (4e-6) ** 2 * 5.25
+    variances = [0.04] * 3 + [field_variance] * 3 + [0.25] * 3 + [0.01] * 3
     variances += [0.16] * 3 + [1.6e-11] * 9
     assert np.reshape(p, (24, 24)) == pytest.approx(
         np.diag(variances), rel=1e-12, abs=0.0
@@ -571,15 +580,15 @@ def test_a_coil_counts_as_turned_from_a_deviation_below_zero_on() -> None:
 def test_rate_and_field_walk_with_the_root_of_time() -> None:
     """Of a state that is known and at rest."""
     doubts = craft_filter.Doubts(0.0, 0.0, 0.0, 0.0, 0.0)
-    begun = craft_filter.Setting(doubts, CARRIER, 3e-5, 2e-7)
-    x, p = craft_filter.begin(FIELD, ZERO, begun)
+    filter_setting = craft_filter.Setting(doubts, CARRIER, 3e-5, 2e-7)
+    x, p = craft_filter.begin(FIELD, ZERO, filter_setting)
     state, covariance = list(x), list(p)
-    passed = craft_filter.Passed(4.0, ZERO, ZERO, ZERO, FIELD, ZERO, 0.0)
-    craft_filter._predict(state, covariance, x, passed, begun)
+    interval = craft_filter.Passed(4.0, ZERO, ZERO, ZERO, FIELD, ZERO, 0.0)
+    craft_filter._predict(state, covariance, x, interval, filter_setting)
     assert tuple(state) == x
     variances = [(3e-5) ** 2 * 4.0] * 3 + [(2e-7) ** 2 * 4.0] * 3 + [0.0] * 18
-    found = np.reshape(covariance, (24, 24))
-    assert found == pytest.approx(np.diag(variances), rel=1e-12, abs=0.0)
+    covariance_matrix = np.reshape(covariance, (24, 24))
+    assert covariance_matrix == pytest.approx(np.diag(variances), rel=1e-12, abs=0.0)
 
 
 # kg m2: bounds of random moments and products, some of which belong to a body
@@ -613,21 +622,23 @@ def test_a_measurement_corrects_as_a_kalman_filter(is_of_rate: bool) -> None:
     random = np.random.default_rng(6)
     x, root = random.normal(size=24), 0.1 * random.normal(size=(24, 24))
     dipole, noise = (0.2, -0.3, 0.1), 0.3
-    seen = (0.5, -0.4, 0.3)
-    passed = craft_filter.Passed(1.0, dipole, ZERO, ZERO, seen, seen, noise)
+    measurement = (0.5, -0.4, 0.3)
+    interval = craft_filter.Passed(
+        1.0, dipole, ZERO, ZERO, measurement, measurement, noise
+    )
     state, covariance = x.tolist(), (root @ root.T).ravel().tolist()
     p, more = root @ root.T, 0.0 if is_of_rate else craft_filter.UNDERWEIGHT
     if is_of_rate:
-        craft_filter._correct_rate(state, covariance, passed, True)
+        craft_filter._correct_rate(state, covariance, interval, True)
     else:
-        craft_filter._correct(state, covariance, passed, noise, True)
+        craft_filter._correct(state, covariance, interval, noise, True)
     for axis in range(3):
         c = np.zeros(24)
         c[axis if is_of_rate else 3 + axis] = 1.0
         if not is_of_rate:
             c[15 + 3 * axis : 18 + 3 * axis] = dipole
         variance = (1.0 + more) * (c @ p @ c) + noise**2
-        x = x + p @ c * (seen[axis] - c @ x) / variance
+        x = x + p @ c * (measurement[axis] - c @ x) / variance
         p = p - np.outer(p @ c, c @ p) / variance
     assert state == pytest.approx(x.tolist(), rel=1e-9, abs=1e-12)
     assert np.reshape(covariance, (24, 24)) == pytest.approx(p, rel=1e-9, abs=1e-12)
