@@ -36,7 +36,7 @@ DIED = {"component": "a", "call": "stepping", "exit_text": "SIGSEGV"}
 HUNG = {**DIED, "hung": 2.0}
 
 
-def raised(function, *args: object) -> tuple[str, object] | object:
+def catch_error(function, *args: object) -> tuple[str, object] | object:
     try:
         return function(*args)
     except (
@@ -51,7 +51,7 @@ def raised(function, *args: object) -> tuple[str, object] | object:
 
 
 @pytest.mark.parametrize(
-    ("ended", "result"),
+    ("end", "result"),
     [
         (Ended({"made": 7}), 7),
         (Ended({}, signal=signal.SIGINT), ("KeyboardInterrupt", "")),
@@ -64,9 +64,9 @@ def raised(function, *args: object) -> tuple[str, object] | object:
         (Ended({}, **HUNG), ("EndedError", Exit.TIMEOUT)),
     ],
 )
-def test_what_is_done_apart_ends_as_its_process(monkeypatch, ended, result):
-    monkeypatch.setattr(child, "watch", lambda *_: ended)
-    assert raised(child.apart, lambda: 7, [], 1.0) == result
+def test_what_is_done_apart_ends_as_its_process(monkeypatch, end, result):
+    monkeypatch.setattr(child, "watch", lambda *_: end)
+    assert catch_error(child.apart, lambda: 7, [], 1.0) == result
 
 
 DONE = ("completed", "", 0)
@@ -75,7 +75,7 @@ ROWS = SimpleNamespace()
 
 
 @pytest.mark.parametrize(
-    ("ended", "result"),
+    ("end", "result"),
     [
         (Ended({"layout": ROWS, "outcome": DONE}), DONE),
         (
@@ -105,23 +105,23 @@ ROWS = SimpleNamespace()
 )
 @pytest.mark.parametrize("stored_values", [True, False])
 def test_a_supervised_run_ends_as_its_process(
-    monkeypatch, tmp_path, ended, result, stored_values
+    monkeypatch, tmp_path, end, result, stored_values
 ):
     """Its folder is removed where nobody has asked for one, whatever comes; the shorter
     of both limits holds for a call."""
-    if isinstance(ended.reports.get("outcome"), tuple):
-        ended = replace(ended, reports={**ended.reports, "outcome": Outcome(*DONE)})
+    if isinstance(end.reports.get("outcome"), tuple):
+        end = replace(end, reports={**end.reports, "outcome": Outcome(*DONE)})
     limits, scratch = [], tmp_path / "scratch"
-    monkeypatch.setattr(child, "watch", lambda *args: limits.append(args[-1]) or ended)
+    monkeypatch.setattr(child, "watch", lambda *args: limits.append(args[-1]) or end)
     monkeypatch.setattr(runs.Results, "open", lambda place: place)
     monkeypatch.setattr(runs, "_cut_short", lambda *args: ("cut short", args[2]))
-    if not ended.exit_text:  # else it is gone already
+    if not end.exit_text:  # else it is gone already
         scratch.mkdir()
     monkeypatch.setattr(runs.library, "scratch", lambda name: scratch)
     options = SimpleNamespace(call_limit=3.0, time_limit=2.0 if stored_values else None)
     system, schedule = SimpleNamespace(components={}), SimpleNamespace(order=[])
     case = SimpleNamespace(or_raise=lambda: (system, schedule), options=options)
-    inputs = raised(
+    inputs = catch_error(
         runs._simulate_apart, case, tmp_path if stored_values else None, None, False
     )
     assert limits == [2.0 if stored_values else 3.0]
@@ -133,11 +133,11 @@ def test_a_supervised_run_ends_as_its_process(
             else (outcome.status, outcome.message, outcome.code)
         )
     assert inputs == result
-    assert scratch.exists() == (stored_values and not ended.exit_text)
+    assert scratch.exists() == (stored_values and not end.exit_text)
 
 
 @pytest.mark.parametrize(
-    ("ended", "full", "status", "code", "message"),
+    ("end", "full", "status", "code", "message"),
     [
         (
             Ended({}, **DIED),
@@ -162,20 +162,20 @@ def test_a_supervised_run_ends_as_its_process(
 @pytest.mark.parametrize("files", ["series.h5", "series.h5.part", "both"])
 @pytest.mark.parametrize("times", [[], [5.0], [5.0, 7.0, 9.0]])
 def test_a_run_cut_short_says_how_far_it_came(
-    monkeypatch, tmp_path, ended, full, status, code, message, files, times
+    monkeypatch, tmp_path, end, full, status, code, message, files, times
 ):
     for name in ("series.h5", "series.h5.part") if files == "both" else (files,):
         (tmp_path / name).touch()
-    opened, results = [], SimpleNamespace(times=lambda: np.array(times))
+    calls, results = [], SimpleNamespace(times=lambda: np.array(times))
     monkeypatch.setattr(
-        runs.Results, "open", lambda *args: opened.append(args) or results
+        runs.Results, "open", lambda *args: calls.append(args) or results
     )
     monkeypatch.setattr(
-        runs, "recover", lambda part, path, *_: opened.append((part, "recovered"))
+        runs, "recover", lambda part, path, *_: calls.append((part, "recovered"))
     )
     unwritten = SimpleNamespace(lay_out=lambda layout: None, written=2)
     system = SimpleNamespace(start=5.0, step=2.0)
-    outcome, _ = runs._cut_short(system, None, tmp_path, ended, ROWS, unwritten, full)
+    outcome, _ = runs._cut_short(system, None, tmp_path, end, ROWS, unwritten, full)
     path, part = tmp_path / "series.h5", tmp_path / "series.h5.part"
     expected_message = f"{message.format(path)}; {len(times)} rows are kept"
     assert (outcome.status, outcome.code, outcome.message) == (
@@ -185,10 +185,10 @@ def test_a_run_cut_short_says_how_far_it_came(
     )
     assert outcome.steps == max(0, len(times) - 1)
     if full:
-        assert (opened, outcome.rows) == ([(part, 2)], 2)
+        assert (calls, outcome.rows) == ([(part, 2)], 2)
     else:
         full_run = files == "series.h5"
-        assert opened == ([] if full_run else [(part, "recovered")]) + [(path,)]
+        assert calls == ([] if full_run else [(part, "recovered")]) + [(path,)]
         assert outcome.rows is None
 
 
@@ -229,8 +229,8 @@ def test_a_run_that_a_signal_stops_says_which(monkeypatch, number):
     assert (run.manifest.status, run.code) == ("interrupted", 128 + number)
     assert run.manifest.message.startswith("stopped by the user at t = ")
     # a run of a study takes the study with it
-    expected = KeyboardInterrupt if number == signal.SIGINT else SystemExit
-    with pytest.raises(expected):
+    error_type = KeyboardInterrupt if number == signal.SIGINT else SystemExit
+    with pytest.raises(error_type):
         runs.simulate(case)
 
 
@@ -269,14 +269,14 @@ def test_a_signal_at_any_moment_ends_a_study(tmp_path, line, number):
 
 
 def test_a_run_whose_components_cannot_be_freed_ends_as_the_first(monkeypatch):
-    ended, leave = (
+    errors, leave = (
         [EndedError("a hangs", Exit.TIMEOUT), EndedError("b died")],
         Master.__exit__,
     )
 
     def fail_to_free(self: Master, *values: object) -> None:
         leave(self, *values)
-        self.unfreed = ended
+        self.unfreed = errors
 
     monkeypatch.setattr(Master, "__exit__", fail_to_free)
     run = runs.simulate(

@@ -23,8 +23,8 @@ counts = st.integers(1, 12)
 TARGET = Places.of([2], [3])
 
 
-def source(sloped: bool = True) -> Places:
-    return Places.of([0], [1 if sloped else -1])
+def source(has_slope: bool = True) -> Places:
+    return Places.of([0], [1 if has_slope else -1])
 
 
 @given(counts, st.integers(1, 3))
@@ -53,28 +53,28 @@ def test_parts_fill_the_step_and_grow(count):
 @given(numbers, numbers, counts)
 def test_a_line_cut_and_joined_is_itself(mean, slope, count):
     parts = graded(count)
-    cut = np.array([mean, slope, 0.0, 0.0])
-    joined = np.zeros(4)
+    half_lines = np.array([mean, slope, 0.0, 0.0])
+    whole_line = np.zeros(4)
     part, full = (
-        Part(cut, source(), TARGET, parts),
-        WindowMean(joined, source(), joined, TARGET, parts),
+        Part(half_lines, source(), TARGET, parts),
+        WindowMean(whole_line, source(), whole_line, TARGET, parts),
     )
     for i in range(count):
         part(i)
-        joined[:2] = cut[2:]
+        whole_line[:2] = half_lines[2:]
         full(i)
     size = max(abs(mean), abs(slope), 1.0)
-    assert joined[2:] == pytest.approx([mean, slope], abs=1e-13 * size)
+    assert whole_line[2:] == pytest.approx([mean, slope], abs=1e-13 * size)
 
 
 @given(st.lists(st.tuples(numbers, numbers), min_size=1, max_size=9), st.booleans())
-def test_joined_parts_keep_integral_and_first_moment(values, sloped):
+def test_joined_parts_keep_integral_and_first_moment(values, has_slope):
     parts = graded(len(values))
     live = np.zeros(4)
-    full = WindowMean(live, source(sloped), live, TARGET, parts)
+    full = WindowMean(live, source(has_slope), live, TARGET, parts)
     integral = moment = 0.0
     for i, ((m, p), (a, w)) in enumerate(zip(values, parts, strict=True)):
-        p = p if sloped else 0.0
+        p = p if has_slope else 0.0
         live[0], live[1] = m, p
         full(i)
         integral += w * m
@@ -192,9 +192,9 @@ def test_substeps_converge(tmp_path, truth):
 
 def test_substeps_have_the_same_bits_as_fmus_and_as_a_packed_system(tmp_path):
     target = scenario(tmp_path, substeps=3, step_ratio={"guidance": 2})
-    packed = tmp_path / "mine.ssp"
-    pack(prepare(target, Options()).or_raise()[0], packed)
-    results = [final(target, blocks=True), final(target), final(str(packed))]
+    package = tmp_path / "mine.ssp"
+    pack(prepare(target, Options()).or_raise()[0], package)
+    results = [final(target, blocks=True), final(target), final(str(package))]
     for q, h, manifest in results:
         assert manifest["substeps"] == 3
         assert q.tobytes() == results[0][0].tobytes()
