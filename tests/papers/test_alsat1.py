@@ -58,9 +58,9 @@ quaternions = (
 def test_eqs_7_to_9_are_the_vector_form_with_products_in_the_positive_form(q):
     a = matrix(q)
     u = (a[2], a[5], a[8])
-    written = laws.gravity_torque(a, MOMENTS, PRODUCTS, N)
+    scalar_torque = laws.gravity_torque(a, MOMENTS, PRODUCTS, N)
     vector = laws.gravity_vector_torque(u, J, N)
-    assert written == pytest.approx(vector, abs=1e-14 * 153.0 * 3.0 * N * N)
+    assert scalar_torque == pytest.approx(vector, abs=1e-14 * 153.0 * 3.0 * N * N)
 
 
 def test_eqs_7_to_9_are_not_the_vector_form_with_the_tensor_s_sign():
@@ -90,11 +90,13 @@ def test_eq_6_is_the_rate_of_these_angles(q, omega):
     step = 1e-6
     ahead = laws.euler_angles(matrix(propagated(q, omega, step)))
     back = laws.euler_angles(matrix(propagated(q, omega, -step)))
-    found = [
+    angle_rates = [
         math.remainder(x - y, 2.0 * math.pi) / (2.0 * step)
         for x, y in zip(ahead, back, strict=True)
     ]
-    assert laws.euler_rates(angles, omega) == pytest.approx(found, abs=1e-7, rel=1e-5)
+    assert laws.euler_rates(angles, omega) == pytest.approx(
+        angle_rates, abs=1e-7, rel=1e-5
+    )
 
 
 @given(vectors, vectors)
@@ -216,10 +218,10 @@ def test_the_predicted_rate_is_euler_s():
 
     truth = solve_ivp(slope, (0.0, 10.0), omega, rtol=1e-12, atol=1e-15).y[:, -1]
     inverse = tuple(np.linalg.inv(inertia).ravel())
-    found = firing.predicted_rate(omega, h, h, impulse, J, inverse, 10.0)
+    rate = firing.predicted_rate(omega, h, h, impulse, J, inverse, 10.0)
     still = norm(tuple(x - y for x, y in zip(truth, omega, strict=True)))
-    missed = norm(tuple(x - y for x, y in zip(found, truth, strict=True)))
-    assert missed < 0.01 * still
+    rate_error = norm(tuple(x - y for x, y in zip(rate, truth, strict=True)))
+    assert rate_error < 0.01 * still
 
 
 @given(st.floats(-5.0, 5.0))
@@ -289,12 +291,12 @@ def test_the_z_wheel_s_law_and_its_coils():
 
 
 @given(vectors)
-def test_the_coils_torque_is_against_tilt_rate_and_momentum(tilted):
+def test_the_coils_torque_is_against_tilt_rate_and_momentum(tilt):
     """Without gyroscopic effects, -|B| e: across the field against each."""
     block = boom(wheel=0, gain_rate=0.0)
     step(
         block,
-        q_bi=propagated((0.0, 0.0, 0.0, 1.0), tuple(0.05 * x for x in tilted), 1.0),
+        q_bi=propagated((0.0, 0.0, 0.0, 1.0), tuple(0.05 * x for x in tilt), 1.0),
     )
     a = matrix(block.q_bi)
     e = tuple(25.0 * x for x in laws.tilt((a[2], a[5], a[8])))
@@ -374,13 +376,13 @@ def test_what_is_lost_is_not_used_and_the_coils_are_off(name, parameters, missin
 
 @pytest.mark.parametrize(("name", "parameters"), SCENARIOS)
 def test_a_momentum_that_is_not_valid_is_not_dumped(name, parameters):
-    found = []
+    commands = []
     for h in ((math.nan,) * 4, (0.09,) * 4):
         block = step(boom(name, **parameters), 0, h_wheel=h, valid_h=False)
-        found.append((block.m_cmd_body, block.tau_cmd_wheel))
+        commands.append((block.m_cmd_body, block.tau_cmd_wheel))
         assert block.reason == NO_MOMENTUM
-    assert found[0] == found[1]
-    assert all(math.isfinite(x) for x in (*found[0][0], *found[0][1]))
+    assert commands[0] == commands[1]
+    assert all(math.isfinite(x) for x in (*commands[0][0], *commands[0][1]))
 
 
 def feed(**parameters):
@@ -396,18 +398,18 @@ def feed(**parameters):
 
 def test_the_wheels_take_what_the_firing_gives_while_it_gives_it():
     block, blind = feed(), feed(feedforward=False)
-    taken = []
+    wheel_shares = []
     for k in range(6):
         step(block, k)
         step(blind, k)
-        taken.append(
+        wheel_shares.append(
             [
                 x - y
                 for x, y in zip(block.tau_cmd_wheel, blind.tau_cmd_wheel, strict=True)
             ]
         )
-    assert taken[1] == [0.0] * 4
-    assert taken[2] == pytest.approx([0.0, 1.5e-3, 1.5e-3, 0.0])
+    assert wheel_shares[1] == [0.0] * 4
+    assert wheel_shares[2] == pytest.approx([0.0, 1.5e-3, 1.5e-3, 0.0])
     assert block.mode == blind.mode == 1
 
 
@@ -418,12 +420,12 @@ def fly(block, truth, until=40, noise=0.0, seed=1):
     inertia = np.reshape(J, (3, 3))
     rates = []
     for k in range(until):
-        measured = tuple(omega + noise * rng.normal(size=3))
+        gyro_rate = tuple(omega + noise * rng.normal(size=3))
         step(
             block,
             k,
             q_bi=(0.0, 0.0, 0.0, 1.0),
-            omega_bi_body=measured,
+            omega_bi_body=gyro_rate,
             h_wheel=(*h, 0.0),
         )
         torque = np.array(block.tau_cmd_wheel[:3])
@@ -456,12 +458,12 @@ def test_a_firing_teaches_of_the_next_in_proportion_to_its_size():
         values |= {"gain_lean": 0.0, "attitude_gain": 1.0}
         block = feed(schedule_start=(20.0, 660.0), **values)
         into += fly(block, truth, until=70)
-        known = block.schedule_tau_body[3:6]
-        missed = [
+        schedule_torque = block.schedule_tau_body[3:6]
+        torque_errors = [
             norm(tuple(x - y for x, y in zip(truth[1], tau, strict=True)))
-            for tau in (known, block.tau_firing_body)
+            for tau in (schedule_torque, block.tau_firing_body)
         ]
-        assert missed[1] < 0.3 * missed[0]
+        assert torque_errors[1] < 0.3 * torque_errors[0]
     assert max(learnt[66:]) < 0.3 * max(dull[66:])
 
 
@@ -575,9 +577,9 @@ def test_an_inertia_is_that_of_a_body():
     )  # a disc without thickness
     with pytest.raises(BlockError, match="no body has it"):
         check_inertia((1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 2.1))
-    turned = np.linalg.qr(np.array([[1.0, 2, 3], [0, 1, 4], [5, 6, 0]]))[0]
+    rotation = np.linalg.qr(np.array([[1.0, 2, 3], [0, 1, 4], [5, 6, 0]]))[0]
     for moments, right in (((3.0, 4.0, 6.9), True), ((3.0, 4.0, 7.1), False)):
-        tensor = tuple((turned @ np.diag(moments) @ turned.T).ravel())
+        tensor = tuple((rotation @ np.diag(moments) @ rotation.T).ravel())
         if right:
             check_inertia(tensor)
         else:
@@ -644,13 +646,13 @@ NEAR = [
 def run(name, **options):
     run_options = {"blocks": True, **options}
     run_options["sets"] = list(run_options.get("sets", ()))
-    found = execute(f"alsat1/{name}", Options(**run_options))
-    assert found.ok, found.manifest["message"]
-    return found
+    flight = execute(f"alsat1/{name}", Options(**run_options))
+    assert flight.ok, flight.manifest["message"]
+    return flight
 
 
 @pytest.mark.parametrize(
-    ("name", "number", "expected"),
+    ("name", "number", "value"),
     [
         ("impulse", "yaw_rate", 0.516),
         ("y", "pitch", 9.7),
@@ -658,9 +660,9 @@ def run(name, **options):
         ("z", "pitch", 1.6),
     ],
 )
-def test_what_the_given_data_alone_decide(name, number, expected):
+def test_what_the_given_data_alone_decide(name, number, value):
     numbers = run(f"open-loop-{name}", record=RECORDED).manifest["numbers"]
-    assert numbers[number]["value"] == pytest.approx(expected, rel=0.02)
+    assert numbers[number]["value"] == pytest.approx(value, rel=0.02)
 
 
 RECORDED = (
@@ -683,11 +685,13 @@ def test_open_loop_analytically():
 def test_fmus_give_the_bits_of_the_blocks_with_and_without_step_ratios(name, tmp_path):
     options = {"stop": 200.0, "sets": tuple(NEAR)}
     one, other = run(name, **options), run(name, blocks=False, **options)
-    undecimated = tmp_path / "all.toml"
-    undecimated.write_text(
+    scenario_file = tmp_path / "all.toml"
+    scenario_file.write_text(
         f'extends = "alsat1/{name}"\nwithout = ["step_ratio"]\n', encoding="utf-8"
     )
-    third = execute(str(undecimated), Options(blocks=True, stop=200.0, sets=list(NEAR)))
+    third = execute(
+        str(scenario_file), Options(blocks=True, stop=200.0, sets=list(NEAR))
+    )
     series = [n for n in one.results.names() if n.startswith("spacecraft.")]
     assert series
     for name_ in series:
@@ -700,10 +704,10 @@ def test_fmus_give_the_bits_of_the_blocks_with_and_without_step_ratios(name, tmp
 
 
 def test_momentum_adds_up_and_the_impulse_of_a_firing_is_exact():
-    found = run("firing-ours", stop=200.0, sets=tuple(NEAR))
-    numbers = {k: n["value"] for k, n in found.manifest["numbers"].items()}
+    flight = run("firing-ours", stop=200.0, sets=tuple(NEAR))
+    numbers = {k: n["value"] for k, n in flight.manifest["numbers"].items()}
     assert numbers["momentum_residual"] <= 1e-12 * 0.06
-    assert found.results.values("thrusters.schedule_on_time")[-1] == pytest.approx(
+    assert flight.results.values("thrusters.schedule_on_time")[-1] == pytest.approx(
         30.0, 1e-12
     )
     assert not numbers["wheel_saturated"]
@@ -711,12 +715,12 @@ def test_momentum_adds_up_and_the_impulse_of_a_firing_is_exact():
         "shared.schedule_start=100.3,0,0,0,0,0,0,0",
         "shared.schedule_duration=29.45,0,0,0,0,0,0,0",
     )
-    found = run("firing-z-wheel", stop=140.0, sets=inside)
-    impulse = found.results.values("thrusters.tau_mean_thruster_body").sum(axis=0)
+    flight = run("firing-z-wheel", stop=140.0, sets=inside)
+    impulse = flight.results.values("thrusters.tau_mean_thruster_body").sum(axis=0)
     assert impulse == pytest.approx(
         [29.45 * x for x in (5e-6, 1.5e-3, 1.5e-3)], rel=1e-12
     )
-    assert found.manifest["numbers"]["momentum_residual"]["value"] <= 1e-12 * 0.16
+    assert flight.manifest["numbers"]["momentum_residual"]["value"] <= 1e-12 * 0.16
 
 
 def test_elements_without_a_name_are_not_drawn():
@@ -736,15 +740,15 @@ def test_elements_without_a_name_are_not_drawn():
 def test_three_wheels_keep_the_craft_where_the_z_wheel_does_not():
     yaw = {}
     for name in ("firing-ours", "firing-z-wheel"):
-        found = run(name, stop=200.0, sets=tuple(NEAR)).results
+        results = run(name, stop=200.0, sets=tuple(NEAR)).results
         angles = derived.euler_lvlh(
             *(
-                found.values(s)
+                results.values(s)
                 for s in ("spacecraft.q_bi", "environment.r_eci", "environment.v_eci")
             ),
             "213",
         )
-        rates = found.values("spacecraft.omega_bi_body")[:, 2]
+        rates = results.values("spacecraft.omega_bi_body")[:, 2]
         yaw[name] = abs(rates[131:] - rates[99]).max()
         assert len(angles) == 201
     assert yaw["firing-z-wheel"] > math.radians(0.35)
@@ -755,7 +759,7 @@ def test_another_manager_swaps_in_by_its_source():
     """Its law is flown: the z wheel takes the firing's 1.5 mN m while it lasts, so that
     the craft turns less than a tenth as fast about z; what it does not take of the
     craft's own is said."""
-    swapped = execute(
+    swap_run = execute(
         "alsat1/firing-z-wheel",
         Options(
             blocks=True,
@@ -764,19 +768,19 @@ def test_another_manager_swaps_in_by_its_source():
             sets=["manager.wheels=z", *NEAR],
         ),
     )
-    assert swapped.ok
+    assert swap_run.ok
     plain = run("firing-z-wheel", stop=160.0, sets=tuple(NEAR))
-    mode = swapped.results.values("manager.mode")
+    mode = swap_run.results.values("manager.mode")
     assert mode.tolist() == [1] * 100 + [2] * 30 + [1] * (len(mode) - 130)
-    torque = swapped.results.values("manager.tau_cmd_wheel")[:, 0]
+    torque = swap_run.results.values("manager.tau_cmd_wheel")[:, 0]
     assert torque[100:130] == pytest.approx(1.5e-3, rel=0.1)
     assert np.abs(torque[[*range(90, 100), *range(130, 140)]]).max() < 0.5e-3
     rates = [
-        r.results.values("spacecraft.omega_bi_body")[:, 2] for r in (swapped, plain)
+        r.results.values("spacecraft.omega_bi_body")[:, 2] for r in (swap_run, plain)
     ]
-    turned = [np.abs(rate[100:] - rate[99]).max() for rate in rates]
-    assert turned[0] < 0.1 * turned[1]
-    (messages,) = [w for w in swapped.manifest.warnings if "does not take" in w]
+    rate_changes = [np.abs(rate[100:] - rate[99]).max() for rate in rates]
+    assert rate_changes[0] < 0.1 * rate_changes[1]
+    (messages,) = [w for w in swap_run.manifest.warnings if "does not take" in w]
     assert "manager_boom_feedforward does not take wheel, gain_dump, kp, kd" in messages
 
 
@@ -823,9 +827,11 @@ def test_a_torque_that_the_wheels_cannot_take_is_said():
 
 def test_momentum_adds_up_in_every_run():
     """Each scenario whole: `python -m benchmarks.residuals`."""
-    found = json.loads(stored.file_of("alsat1").with_name("residuals.json").read_text())
-    assert set(found["runs"]) == set(scenarios("alsat1"))
-    assert max(r["share"] for r in found["runs"].values()) <= 1e-12
+    residuals = json.loads(
+        stored.file_of("alsat1").with_name("residuals.json").read_text()
+    )
+    assert set(residuals["runs"]) == set(scenarios("alsat1"))
+    assert max(r["share"] for r in residuals["runs"].values()) <= 1e-12
 
 
 def test_stored_draws_are_of_scenarios_that_there_are():

@@ -84,9 +84,9 @@ def test_dipole_gives_the_part_of_the_torque_across_the_field(t, b, limit):
     assert cross(m, b) == pytest.approx(
         sub(torque, tuple(along * x for x in b)), abs=1e-9 * norm(torque)
     )
-    bounded = integrated.dipole(torque, b, limit)
-    assert max(map(abs, bounded)) <= limit * (1 + 1e-12)
-    assert norm(cross(bounded, m)) <= 1e-12 * norm(m)
+    limited_dipole = integrated.dipole(torque, b, limit)
+    assert max(map(abs, limited_dipole)) <= limit * (1 + 1e-12)
+    assert norm(cross(limited_dipole, m)) <= 1e-12 * norm(m)
 
 
 @given(momenta)
@@ -142,11 +142,11 @@ def test_thresholds_hold_in_between_and_look_at_the_size():
     [(1e-2, 1, 10, 65.2), (1e-2, 3, 20, 70.5), (1e-2, 1, 3, 22.5), (1e-3, 1, 3, 2.6)],
 )
 def test_phase_margins_of_eq_12(beta, p, d, degrees):
-    found = pid_margins(p * beta, d * beta, beta / 500)
-    assert found.phase == pytest.approx(degrees, abs=0.1)
+    margins = pid_margins(p * beta, d * beta, beta / 500)
+    assert margins.phase == pytest.approx(degrees, abs=0.1)
     # against the poles: with exactly the delay that the loop bears, it oscillates at
     # the crossover
-    w, delay = found.crossover, found.delay
+    w, delay = margins.crossover, margins.delay
     s = 1j * w
     loop = (d * beta * s + p * beta / 2 + beta / 1000 / s) / s**2 * np.exp(-s * delay)
     assert loop == pytest.approx(-1.0, abs=1e-9)
@@ -154,14 +154,14 @@ def test_phase_margins_of_eq_12(beta, p, d, degrees):
 
 def test_gain_margins_are_where_the_characteristic_polynomial_crosses_the_axis():
     kp, kd, ki = 1e-2, 0.1, 2e-5
-    found = pid_margins(kp, kd, ki)
-    assert found.gain_up == math.inf
-    g = 10 ** (-found.gain_down / 20)
+    margins = pid_margins(kp, kd, ki)
+    assert margins.gain_up == math.inf
+    g = 10 ** (-margins.gain_down / 20)
     roots = np.roots([1.0, g * kd, g * kp / 2, g * ki / 2])
     assert abs(roots.real).min() < 1e-9
     late = pid_margins(kp, kd, ki, 0.25)
     assert late.phase == pytest.approx(
-        found.phase - math.degrees(0.25 * found.crossover)
+        margins.phase - math.degrees(0.25 * margins.crossover)
     )
     assert 20 < late.gain_up < 60
 
@@ -177,7 +177,7 @@ def manager(**values):
     return begin(block)
 
 
-def stepped(block, t=0.0, **values):
+def step_block(block, t=0.0, **values):
     for key, value in values.items():
         setattr(block, key, value)
     block.advance(t, 0.5)
@@ -190,16 +190,16 @@ def test_the_wheels_get_what_the_equations_say():
         (1e-3, 2e-3, -1e-3),
         (0.01, -0.005, 0.004, 0.008),
     )
-    block = stepped(
+    block = step_block(
         manager(), b_body=B, tau_ctrl_body=tau, omega_bi_body=omega, h_wheel=h
     )
     a = np.reshape(PYRAMID, (3, 4))
     stored_h = a @ h
     t_des = integrated.desaturation(tuple(stored_h), B, 0.05, 1.2e-5)
-    expected = np.linalg.pinv(a) @ (
+    wheel_torque = np.linalg.pinv(a) @ (
         np.array(t_des) - 0.75 * np.array(tau) - np.cross(omega, stored_h)
     )
-    assert block.tau_cmd_wheel == pytest.approx(expected, rel=1e-12)
+    assert block.tau_cmd_wheel == pytest.approx(wheel_torque, rel=1e-12)
     b = np.array(B)
     assert block.m_cmd_body == pytest.approx(
         np.cross(b, 0.25 * np.array(tau)) / (b @ b), rel=1e-12
@@ -210,7 +210,7 @@ def test_the_wheels_get_what_the_equations_say():
 @given(st.floats(0.0, 1.0))
 def test_the_coils_give_the_share_k(k):
     tau = (1e-6, -2e-6, 3e-6)
-    block = stepped(manager(magnetic_share=k), b_body=B, tau_ctrl_body=tau)
+    block = step_block(manager(magnetic_share=k), b_body=B, tau_ctrl_body=tau)
     b = np.array(B)
     assert block.m_cmd_body == pytest.approx(k * np.cross(b, tau) / (b @ b), rel=1e-12)
     given_by_wheels = -np.reshape(PYRAMID, (3, 4)) @ block.tau_cmd_wheel
@@ -219,11 +219,11 @@ def test_the_coils_give_the_share_k(k):
 
 def test_disabled_the_wheels_give_all_and_the_coils_nothing():
     block = manager(null_gain=1e-3)
-    stepped(
+    step_block(
         block, b_body=B, tau_ctrl_body=(1e-4, 0.0, 0.0), h_wheel=(0.019, 0.0, 0.0, 0.0)
     )
     assert block.mode == 4
-    stepped(block, 0.5, enable=False)
+    step_block(block, 0.5, enable=False)
     assert block.m_cmd_body == (0.0, 0.0, 0.0)
     given_by_wheels = -np.reshape(PYRAMID, (3, 4)) @ block.tau_cmd_wheel
     assert given_by_wheels == pytest.approx([1e-4, 0.0, 0.0], abs=1e-18)
@@ -234,21 +234,21 @@ def test_emergency_from_90_until_60_per_cent():
     block = manager()
     modes = []
     for k, share in enumerate((0.5, 0.89, 0.91, 0.7, 0.61, 0.59, 0.7)):
-        stepped(block, 0.5 * k, b_body=B, h_wheel=(0.0, -share * H_MAX, 0.0, 0.0))
+        step_block(block, 0.5 * k, b_body=B, h_wheel=(0.0, -share * H_MAX, 0.0, 0.0))
         modes.append(block.mode)
     assert modes == [1, 1, 4, 4, 4, 1, 1]
 
 
 def test_in_the_emergency_the_coils_balance_what_the_wheels_give_away():
-    block = stepped(manager(), b_body=B, h_wheel=(0.019, 0.019, 0.01, 0.0))
+    block = step_block(manager(), b_body=B, h_wheel=(0.019, 0.019, 0.01, 0.0))
     assert block.mode == 4
-    absorbed = np.reshape(PYRAMID, (3, 4)) @ block.tau_cmd_wheel
-    assert np.cross(block.m_cmd_body, B) == pytest.approx(absorbed, abs=1e-15)
+    wheel_torque = np.reshape(PYRAMID, (3, 4)) @ block.tau_cmd_wheel
+    assert np.cross(block.m_cmd_body, B) == pytest.approx(wheel_torque, abs=1e-15)
     stored_h = body_momentum(PYRAMID, block.h_wheel)
-    assert dot(stored_h, tuple(absorbed)) < 0.0
+    assert dot(stored_h, tuple(wheel_torque)) < 0.0
     assert max(map(abs, block.m_cmd_body)) <= 0.3 * (1 + 1e-12)
     assert (
-        norm(tuple(absorbed)) > 3 * 0.25 * 1.2e-5
+        norm(tuple(wheel_torque)) > 3 * 0.25 * 1.2e-5
     )  # than the integrated law at its limit
 
 
@@ -259,22 +259,22 @@ def test_velocity_dumping_begins_and_ends_at_its_rates():
     tau = (7e-6, 0.0, 0.0)
     modes = []
     for k, rate in enumerate((0.02, 0.06, 0.02, 0.005, 0.02)):
-        stepped(
+        step_block(
             block, 0.5 * k, b_body=B, tau_ctrl_body=tau, omega_bi_body=(0.0, rate, 0.0)
         )
         given_by_wheels = -np.reshape(PYRAMID, (3, 4)) @ block.tau_cmd_wheel
         modes.append(block.mode)
-        expected = (0.0, -2e-3 * rate, 0.0) if block.mode == 5 else tau
-        assert given_by_wheels == pytest.approx(expected, abs=1e-15)
+        torque = (0.0, -2e-3 * rate, 0.0) if block.mode == 5 else tau
+        assert given_by_wheels == pytest.approx(torque, abs=1e-15)
     assert modes == [0, 5, 5, 0, 0]
 
 
 def test_the_bias_and_the_null_gain_hold_the_wheels_where_they_are_wanted():
     block = manager(null_gain=1e-3, h_null=0.005)
-    stepped(block, b_body=B, h_wheel=(0.005, -0.005, 0.005, -0.005))
+    step_block(block, b_body=B, h_wheel=(0.005, -0.005, 0.005, -0.005))
     assert block.tau_cmd_wheel == pytest.approx((0.0,) * 4, abs=1e-18)
     assert block.mode == 0
-    stepped(block, 0.5, h_wheel=(0.0, 0.0, 0.0, 0.0))
+    step_block(block, 0.5, h_wheel=(0.0, 0.0, 0.0, 0.0))
     assert block.tau_cmd_wheel == pytest.approx((5e-6, -5e-6, 5e-6, -5e-6), rel=1e-9)
 
 
@@ -306,9 +306,9 @@ def test_error_vector_is_the_rotation_vector():
             -x * a - y * b - z * c + w * d,
         ]
     )
-    found = derived.error_vector(-q, reference)
-    assert found[:, 0] == pytest.approx(degrees, abs=1e-9)
-    assert np.abs(found[:, 1:]).max() < 1e-9
+    vectors = derived.error_vector(-q, reference)
+    assert vectors[:, 0] == pytest.approx(degrees, abs=1e-9)
+    assert np.abs(vectors[:, 1:]).max() < 1e-9
 
 
 def test_relative_error_leaves_out_what_is_constant_over_an_interval():
@@ -431,16 +431,16 @@ def test_velocity_dumping_hands_over_to_pointing():
 
 
 def test_the_manager_is_replaced_by_one_source_and_its_parameters():
-    swapped = find("integrated/mil-cross-product").content.written
+    other_content = find("integrated/mil-cross-product").content.written
     usual = find("integrated/mil-nadir").content.written
-    assert swapped["sources"] == {"manager": "manager_cross_product"}
+    assert other_content["sources"] == {"manager": "manager_cross_product"}
     assert "sources" not in usual
-    changed = {
+    owners = {
         k
-        for k in swapped["parameters"]
-        if swapped["parameters"][k] != usual["parameters"][k]
+        for k in other_content["parameters"]
+        if other_content["parameters"][k] != usual["parameters"][k]
     }
-    assert changed == {"manager"}
+    assert owners == {"manager"}
     options = Options(stop=3000.0)
     run = execute("integrated/mil-cross-product", options)
     assert run.ok
@@ -467,24 +467,24 @@ def test_the_numpy_loop_of_the_benchmark_is_the_same_model():
 
 
 @pytest.fixture(scope="module")
-def drawn():
+def stored_draws():
     return stored.read("integrated")
 
 
 @pytest.fixture
-def current(drawn):
+def current(stored_draws):
     """The stored draws, which are of this code."""
-    stored.require_current(drawn)
-    return drawn
+    stored.require_current(stored_draws)
+    return stored_draws
 
 
-def test_the_stored_draws_say_where_they_are_from(drawn):
-    assert drawn["seed"] == stored.SEED
-    assert {"desat", "numpy", "python"} <= set(drawn["versions"])
-    for found in drawn["scenarios"].values():
-        assert len(found["draws"]) >= 20
-        for name, s in found["summary"].items():
-            stored_values = [d.numbers[name] for d in found["draws"]]
+def test_the_stored_draws_say_where_they_are_from(stored_draws):
+    assert stored_draws["seed"] == stored.SEED
+    assert {"desat", "numpy", "python"} <= set(stored_draws["versions"])
+    for entry in stored_draws["scenarios"].values():
+        assert len(entry["draws"]) >= 20
+        for name, s in entry["summary"].items():
+            stored_values = [d.numbers[name] for d in entry["draws"]]
             values = [
                 math.inf if x is None else x for x in stored_values
             ]  # a time not reached: later
@@ -539,25 +539,25 @@ AGAINST = {
 
 
 def test_bands_of_the_draws_are_met_but_for_those_that_are_known(current):
-    banded, missed = 0, set()
+    band_count, misses = 0, set()
     medians = {
-        name: {k: s.levels["median"] for k, s in found["summary"].items()}
-        for name, found in current["scenarios"].items()
+        name: {k: s.levels["median"] for k, s in entry["summary"].items()}
+        for name, entry in current["scenarios"].items()
     }
-    for name, found in current["scenarios"].items():
+    for name, entry in current["scenarios"].items():
         scenario, values = find(name), medians[name]
         keys = scenario.content.judged
         results = [
             r
-            for r in comparison.rows_of(scenario, values, medians, found)
+            for r in comparison.rows_of(scenario, values, medians, entry)
             if r.ours is not None
         ]
         for key, row in zip(keys, results, strict=True):
-            banded += row.within is not None
+            band_count += row.within is not None
             if row.within is False:
-                missed.add((name.removeprefix("integrated/"), key))
-    assert banded >= 30
-    assert missed <= AGAINST
+                misses.add((name.removeprefix("integrated/"), key))
+    assert band_count >= 30
+    assert misses <= AGAINST
     # these are no matter of a draw more or less
     assert {
         ("ideal-inertial", "saturating_samples"),
@@ -565,7 +565,7 @@ def test_bands_of_the_draws_are_met_but_for_those_that_are_known(current):
         ("mil-nadir", "samples_near_zero"),
         ("velocity-eq26", "time_to_1_deg_per_s"),
         ("same-start-unmanaged-15", "saturating_samples"),
-    } <= missed
+    } <= misses
 
 
 # --- what rows say --------------------------------------------------------------------
@@ -610,24 +610,24 @@ def test_a_row_of_a_share_says_its_interval_and_is_held_against_its_band():
     levels = dict.fromkeys(("median", "min", "max"), 1.0)
     summary = {n: spread.Spread(n=20, levels=levels) for n in names}
     values = dict.fromkeys(names, 1.0)
-    found = {
+    rows = {
         r.quantity: r
         for r in comparison.rows_of(
             scenario, values, {}, {"summary": summary, "draws": results}
         )
     }
-    row = found["samples_with_a_saturated_wheel"]
+    row = rows["samples_with_a_saturated_wheel"]
     assert (row.ours, row.within, row.out_of_sample) == (15.0, False, True)
     assert row.draws == Share(20, 3, pytest.approx([3.21, 37.89], abs=0.01))
     assert "3 of 20 (15 %, 95 % interval 3 to 38 %)" in tables.texts_of(row)["draws"]
-    assert found["coil_load"].tuned
-    assert not found["coil_load"].out_of_sample
-    assert not found["mean_wheel_at_3_h"].out_of_sample, "it had a part in a choice"
-    assert "limit = 5.0" in found["settling_time"].definition
-    assert "from 0 s to 3600 s" in found["settling_time"].definition
-    counted = comparison.count(list(found.values()))
-    assert (counted["tuned"], counted["in_sample"]) == (1, 1)
-    assert counted["banded"] == 6
+    assert rows["coil_load"].tuned
+    assert not rows["coil_load"].out_of_sample
+    assert not rows["mean_wheel_at_3_h"].out_of_sample, "it had a part in a choice"
+    assert "limit = 5.0" in rows["settling_time"].definition
+    assert "from 0 s to 3600 s" in rows["settling_time"].definition
+    counts = comparison.count(list(rows.values()))
+    assert (counts["tuned"], counts["in_sample"]) == (1, 1)
+    assert counts["banded"] == 6
 
 
 def test_a_share_needs_draws():
@@ -712,8 +712,8 @@ def test_the_standard_numbers_of_a_managed_run():
     assert numbers["coil_limit_share"] == pytest.approx(
         100.0 * (m > 0.999).any(axis=1).mean()
     )
-    saturated = run.results.values("wheels.saturated_wheel").any(axis=1)
-    assert numbers["limit_time"] == pytest.approx(0.5 * saturated[:-1].sum())
+    saturation = run.results.values("wheels.saturated_wheel").any(axis=1)
+    assert numbers["limit_time"] == pytest.approx(0.5 * saturation[:-1].sum())
     assert numbers["limit_time"] > 0.0
     speed = run.results.values("wheels.speed_wheel")
     assert (
@@ -764,8 +764,8 @@ def test_a_second_panel_shows_the_steady_state_and_an_envelope_the_extremes():
     )
     assert min(steady.marks[0].x) == 100.0
     assert [m.filled for m in full.marks] == [False] * 3
-    filled = plots.series_figure(Plot(**plot, envelope=True), runs).axes[0].marks
-    assert all(m.filled and m.label.endswith("least to most") for m in filled)
+    areas = plots.series_figure(Plot(**plot, envelope=True), runs).axes[0].marks
+    assert all(m.filled and m.label.endswith("least to most") for m in areas)
     x = np.arange(2400.0)
     times, low, high = between(x, np.sin(x))
     assert len(times) == BINS
@@ -782,8 +782,10 @@ def test_a_stored_draw_comes_out_again(current):
     name = "integrated/velocity-dumping"
     values = values_of(draft_to_draw(read(name), True), current["seed"], 0)
     again = execute(name, Options(values=values)).manifest["numbers"]
-    saved = current["scenarios"][name]["draws"][0].numbers
-    assert {k: again[k]["value"] for k in saved} == pytest.approx(saved, rel=1e-6)
+    first_numbers = current["scenarios"][name]["draws"][0].numbers
+    assert {k: again[k]["value"] for k in first_numbers} == pytest.approx(
+        first_numbers, rel=1e-6
+    )
 
 
 def test_tables_pack_nothing_and_record_only_what_numbers_need(monkeypatch, tmp_path):
@@ -798,31 +800,31 @@ def test_tables_pack_nothing_and_record_only_what_numbers_need(monkeypatch, tmp_
         "simulate",
         lambda case, **choice: run.append(case) or simulate(case, **choice),
     )
-    found = {row.quantity: row.ours for row in rows("uosat12", Options(), jobs=1)}
+    own_values = {row.quantity: row.ours for row in rows("uosat12", Options(), jobs=1)}
     assert not list(tmp_path.iterdir())
     assert name in [case.target for case in run]
     assert not any("*" in pattern for case in run for pattern in case.options.record)
     full = execute(name, Options())
-    assert found["firing_time"] == full.manifest["numbers"]["firing_time"]["value"]
+    assert own_values["firing_time"] == full.manifest["numbers"]["firing_time"]["value"]
 
 
-def test_rows_of_draws_have_the_median_and_the_file_is_named(drawn, monkeypatch):
+def test_rows_of_draws_have_the_median_and_the_file_is_named(stored_draws, monkeypatch):
     """Without the scenarios that would have to run."""
-    chosen = {
+    drawn_scenarios = {
         n: s
         for n, s in tables.scenarios("integrated").items()
-        if n in drawn["scenarios"]
+        if n in stored_draws["scenarios"]
     }
-    monkeypatch.setattr(tables, "scenarios", lambda family: chosen)
+    monkeypatch.setattr(tables, "scenarios", lambda family: drawn_scenarios)
     data = tables.as_json(
         "integrated",
-        rows("integrated", Options(), drawn=drawn),
-        stored.provenance(drawn, fresh=False),
+        rows("integrated", Options(), drawn=stored_draws),
+        stored.provenance(stored_draws, fresh=False),
     )
     assert data["run"]["file"] == "docs/papers/integrated/draws.parquet"
     assert {"date", "seed", "versions"} <= set(data["run"])
     row = next(r for r in data["rows"] if r["quantity"] == "pointing")
-    summary = drawn["scenarios"]["integrated/mil-nadir"]["summary"]["pointing"]
+    summary = stored_draws["scenarios"]["integrated/mil-nadir"]["summary"]["pointing"]
     assert row["ours"] == summary.levels["median"]
     assert row["draws"]["n"] >= 20
     assert (row["draws"]["min"], row["draws"]["max"]) == (
@@ -830,6 +832,8 @@ def test_rows_of_draws_have_the_median_and_the_file_is_named(drawn, monkeypatch)
         summary.levels["max"],
     )
     assert row["within"] is True
-    incomplete = replace(rows("integrated", Options(), drawn=drawn)[0], draws=None)
+    incomplete = replace(
+        rows("integrated", Options(), drawn=stored_draws)[0], draws=None
+    )
     assert tables.texts_of(incomplete)["draws"] == ""
     assert json.dumps(data)

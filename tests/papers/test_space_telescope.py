@@ -75,9 +75,9 @@ def test_eq_6_and_eq_8_with_its_last_sign_turned_have_the_products_that_the_text
 
 
 def test_eq_8_as_printed_has_two_equal_columns_and_is_no_multiple_of_the_identity():
-    printed = (*COILS[:11], -COILS[11])
-    assert printed[0::4] == printed[3::4]
-    assert laws.weighting(printed) != pytest.approx(
+    printed_coils = (*COILS[:11], -COILS[11])
+    assert printed_coils[0::4] == printed_coils[3::4]
+    assert laws.weighting(printed_coils) != pytest.approx(
         [4.0 / 3.0 * x for x in IDENTITY], abs=0.3
     )
 
@@ -121,25 +121,27 @@ def test_the_field_product_is_that_of_skew_matrices(b, axes):
     x, y, z = b
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     s = laws.weighting(axes)
-    expected = skew.T @ np.reshape(s, (3, 3)) @ skew
+    product = skew.T @ np.reshape(s, (3, 3)) @ skew
     assert np.reshape(laws.field_product(b, s), (3, 3)) == pytest.approx(
-        expected, abs=1e-24
+        product, abs=1e-24
     )
 
 
 @settings(max_examples=10)
 @given(st.lists(fields, min_size=4, max_size=9), vectors, mountings)
-def test_eq_3_the_open_loop_gives_the_wanted_momentum_exactly(course, expected, axes):
+def test_eq_3_the_open_loop_gives_the_wanted_momentum_exactly(
+    course, target_momentum, axes
+):
     s, dt = laws.weighting(axes), 50.0
     products = np.array([laws.field_product(b, s) for b in course])
     full = tuple((dt * products.sum(axis=0)).tolist())
     if laws.condition(full) > 1e4:
         return
-    p = laws.open_loop_costate(full, expected)
+    p = laws.open_loop_costate(full, target_momentum)
     given_momentum = np.zeros(3)
     for b in course:
         given_momentum += dt * np.array(cross(laws.open_loop_dipole(p, b, s), b))
-    assert given_momentum == pytest.approx(expected, abs=1e-9)
+    assert given_momentum == pytest.approx(target_momentum, abs=1e-9)
 
 
 @settings(max_examples=20)
@@ -147,11 +149,11 @@ def test_eq_3_the_open_loop_gives_the_wanted_momentum_exactly(course, expected, 
 def test_the_condition_is_that_of_its_eigenvalues(course):
     product = sum(np.array(laws.field_product(b, IDENTITY)) for b in course) * 1e9
     values = np.linalg.eigvalsh(product.reshape(3, 3))
-    found = laws.condition(tuple(product.tolist()))
+    condition_number = laws.condition(tuple(product.tolist()))
     if values[0] > 1e-6 * values[2]:
-        assert found == pytest.approx(values[2] / values[0], rel=1e-6)
+        assert condition_number == pytest.approx(values[2] / values[0], rel=1e-6)
     else:
-        assert found > 1e5
+        assert condition_number > 1e5
     assert laws.condition((0.0,) * 9) == math.inf
 
 
@@ -182,8 +184,8 @@ def test_the_held_field_is_exact_for_a_parabola():
 
     zero = (0.0, 0.0, 0.0)
     for third in (zero, field(-150.0)):
-        found = laws.held_field(field(0.0), field(-50.0), field(-100.0), third)
-        assert found == pytest.approx([mean(i) for i in range(3)], rel=1e-7)
+        mean_field = laws.held_field(field(0.0), field(-50.0), field(-100.0), third)
+        assert mean_field == pytest.approx([mean(i) for i in range(3)], rel=1e-7)
     assert laws.held_field(field(0.0), zero, zero, zero) == field(0.0)
 
 
@@ -193,9 +195,9 @@ def test_a_profile_s_rows_keep_to_their_period():
     rows = tuple(np.repeat(table, 3))
     for t in (40.0, 700.0, 749.0, 760.0, 1000.0, 1649.0):
         i, share = laws.place(12, 150.0, t)
-        expected = t * t if t <= 750.0 else 750.0**2 + 9e3 * (t - 750.0)
+        profile = t * t if t <= 750.0 else 750.0**2 + 9e3 * (t - 750.0)
         assert laws.profile3(rows, 12, 5, i, share) == pytest.approx(
-            (expected,) * 3, rel=1e-12
+            (profile,) * 3, rel=1e-12
         )
 
 
@@ -211,7 +213,7 @@ def updates(truth, count, noise=0.0, seed=1):
         learning.first_covariance(),
         0,
     )
-    found = []
+    estimates = []
     for k in range(count):
         u = 2.0 * math.pi / 5700.0 * 50.0 * k
         b = (2e-5 * math.cos(u), 8e-6, 4e-5 * math.sin(u))
@@ -221,8 +223,8 @@ def updates(truth, count, noise=0.0, seed=1):
         change = np.reshape(rows, (3, 5)) @ truth + noise * random.normal(size=3)
         x, p = learning.update(x, p, tuple(change.tolist()), rows, 0.1, 0.01)
         missing = learning.find_lost_coil(x, p, missing)
-        found.append((x, p, missing))
-    return found
+        estimates.append((x, p, missing))
+    return estimates
 
 
 @pytest.mark.parametrize("dead", [1, 2, 3, 4])
@@ -231,10 +233,10 @@ def test_without_noise_the_scale_and_each_coil_are_found_and_the_dead_one_is_nam
 ):
     truth = np.array([1.25, 1.0, 1.0, 0.9, 1.0])
     truth[dead] = 0.0
-    found = updates(truth, 60)
-    assert found[-1][0] == pytest.approx(truth, abs=2e-3)
-    assert [missing for _, _, missing in found[20:]] == [dead] * 40
-    assert {missing for _, _, missing in found} == {
+    estimates = updates(truth, 60)
+    assert estimates[-1][0] == pytest.approx(truth, abs=2e-3)
+    assert [missing for _, _, missing in estimates[20:]] == [dead] * 40
+    assert {missing for _, _, missing in estimates} == {
         0,
         dead,
     }  # no other is ever taken for it
@@ -248,8 +250,8 @@ def test_the_filter_is_that_of_information_form():
     change, x = np.array([1.0, -2.0, 3.0]), np.ones(5)
     prior = np.linalg.inv(p + 0.01**2 * np.eye(5))
     full = prior + rows.T @ rows / 0.3**2
-    expected = np.linalg.solve(full, prior @ x + rows.T @ change / 0.3**2)
-    found, spread = learning.update(
+    information_state = np.linalg.solve(full, prior @ x + rows.T @ change / 0.3**2)
+    estimate, spread = learning.update(
         learning.FIRST,
         learning.first_covariance(),
         tuple(change),
@@ -257,16 +259,16 @@ def test_the_filter_is_that_of_information_form():
         0.3,
         0.01,
     )
-    assert found == pytest.approx(expected, rel=1e-9)
+    assert estimate == pytest.approx(information_state, rel=1e-9)
     assert np.reshape(spread, (5, 5)) == pytest.approx(
         np.linalg.inv(full), rel=1e-7, abs=1e-12
     )
 
 
 def test_noise_as_large_as_said_makes_no_coil_lost_and_a_whole_one_is_no_more():
-    found = updates(np.ones(5), 2000, 0.1)
-    assert {missing for _, _, missing in found} == {0}
-    assert np.abs(np.array(found[-1][0]) - 1.0).max() < 0.3
+    estimates = updates(np.ones(5), 2000, 0.1)
+    assert {missing for _, _, missing in estimates} == {0}
+    assert np.abs(np.array(estimates[-1][0]) - 1.0).max() < 0.3
     x, p, _ = updates(np.array([1.0, 1.0, 0.0, 1.0, 1.0]), 60)[-1]
     assert learning.find_lost_coil(x, p, 0) == 2
     assert learning.find_lost_coil(learning.FIRST, p, 2) == 0
@@ -324,14 +326,16 @@ def test_only_what_is_not_periodic_is_dumped_over_half_an_orbit():
     course = a_course()
     ends = offline.periodic_ends(course, 2.0 * math.pi / 5700.0, 57)
     assert ends[1] == pytest.approx(ends[2], abs=1e-9)  # of an amplitude of 23 N m s
-    dumped = ends[2] - ends[1] - 50.0 * course.gravity[57:].sum(axis=0)
-    assert dumped == pytest.approx([0.0, -0.015 * 2850.0, -0.01 * 2850.0], abs=1e-9)
+    dumped_momentum = ends[2] - ends[1] - 50.0 * course.gravity[57:].sum(axis=0)
+    assert dumped_momentum == pytest.approx(
+        [0.0, -0.015 * 2850.0, -0.01 * 2850.0], abs=1e-9
+    )
 
 
 def test_the_cheapest_course_is_that_of_a_dense_solution():
     course = a_course(20)
     q = np.array([600.0, 500.0, 700.0])
-    found = offline.cheapest(course, q, 0.0, 20.0, np.array([1.0, -2.0, 3.0]))
+    cheapest = offline.cheapest(course, q, 0.0, 20.0, np.array([1.0, -2.0, 3.0]))
     n = 20
     effect = np.zeros((3 * n, 3 * n))  # momenta by dipoles
     for k in range(n):
@@ -343,8 +347,8 @@ def test_the_cheapest_course_is_that_of_a_dense_solution():
     weight = np.kron(np.eye(n), np.diag(q))
     effort = np.kron(np.eye(n), 0.75 * np.eye(3))
     m = np.linalg.solve(effort + effect.T @ weight @ effect, -effect.T @ weight @ free)
-    assert found.dipole == pytest.approx(m.reshape(n, 3), rel=1e-6, abs=1e-3)
-    assert found.momentum[1:].ravel() == pytest.approx(free + effect @ m, abs=1e-6)
+    assert cheapest.dipole == pytest.approx(m.reshape(n, 3), rel=1e-6, abs=1e-3)
+    assert cheapest.momentum[1:].ravel() == pytest.approx(free + effect @ m, abs=1e-6)
 
 
 def test_a_weight_on_the_fastest_wheel_slows_it():
@@ -399,7 +403,7 @@ def manager(name, **parameters):
     return block
 
 
-def stepped(block, count=1, start=0):
+def step_block(block, count=1, start=0):
     if start == 0:
         block.check()
         begin(block)
@@ -424,7 +428,7 @@ def test_without_an_attitude_or_a_field_there_is_no_dipole(name):
         {"valid_q": False, "q_bi": (math.nan,) * 4},
         {"valid_b": False, "b_body": (math.nan,) * 3},
     ):
-        block = stepped(manager(name, **missing))
+        block = step_block(manager(name, **missing))
         assert block.m_cmd_body == (0.0, 0.0, 0.0)
         assert block.mode == IDLE
 
@@ -447,7 +451,7 @@ def test_without_an_attitude_or_a_field_there_is_no_dipole(name):
 )
 def test_what_no_law_can_work_with_is_refused(name, change, text):
     with pytest.raises(BlockError, match=text):
-        stepped(manager(name, **change))
+        step_block(manager(name, **change))
 
 
 def test_a_dead_coil_without_which_the_rest_do_not_span_space_is_refused():
@@ -455,7 +459,7 @@ def test_a_dead_coil_without_which_the_rest_do_not_span_space_is_refused():
     with pytest.raises(
         BlockError, match="axes_coil: the axes that are left do not span space"
     ):
-        stepped(manager("manager_closed_loop", axes_coil=three, dead_coil=3))
+        step_block(manager("manager_closed_loop", axes_coil=three, dead_coil=3))
 
 
 @pytest.mark.parametrize(
@@ -481,78 +485,80 @@ def test_a_dead_coil_without_which_the_rest_do_not_span_space_is_refused():
 )
 def test_periods_and_gains_that_make_no_sense_are_refused(name, change, text):
     with pytest.raises(BlockError, match=text):
-        stepped(manager(name, **change))
+        step_block(manager(name, **change))
 
 
 def test_a_coil_s_limit_keeps_the_direction_of_the_dipole():
-    free = stepped(manager("manager_closed_loop", gain=1.0, m_limit=1e12)).m_cmd_body
-    held = stepped(manager("manager_closed_loop", gain=1.0, m_limit=4000.0)).m_cmd_body
-    assert max(map(abs, to_wheels(pseudo_inverse(COILS), held))) == pytest.approx(
-        4000.0
-    )
-    assert norm(cross(free, held)) <= 1e-9 * norm(free) * norm(held)
+    free = step_block(manager("manager_closed_loop", gain=1.0, m_limit=1e12)).m_cmd_body
+    limited_dipole = step_block(
+        manager("manager_closed_loop", gain=1.0, m_limit=4000.0)
+    ).m_cmd_body
+    assert max(
+        map(abs, to_wheels(pseudo_inverse(COILS), limited_dipole))
+    ) == pytest.approx(4000.0)
+    assert norm(cross(free, limited_dipole)) <= 1e-9 * norm(free) * norm(limited_dipole)
 
 
 def test_the_centre_loop_turns_the_middle_of_the_momentum_into_a_bias():
     block = manager("manager_closed_loop", centre_gain=0.5, centre_period=200.0)
-    stepped(block, 5)
+    step_block(block, 5)
     a = np.reshape(WHEELS, (3, 4)) @ block.h_wheel
     assert block.h_bias_eci == pytest.approx(0.5 * a)
 
 
 def test_beyond_its_table_a_law_has_none():
     for name in ("manager_mixed_mode", "manager_preview", "manager_preview_learning"):
-        block = stepped(manager(name, table_nodes=4, table_spacing=150.0), 13)
+        block = step_block(manager(name, table_nodes=4, table_spacing=150.0), 13)
         assert block.mode == FALLBACK
         assert block.m_cmd_body == (0.0, 0.0, 0.0)
 
 
 def test_with_a_coil_lost_its_own_costates_are_used_where_there_are_some():
     rows = tuple(float(12 * i + k) for i in range(312) for k in range(12))
-    for coil, table, expected in (
+    for coil, table, costate in (
         (2, rows, (9.0, 10.0, 11.0)),
         (1, (0.0,) * 3744, (2.0,) * 3),
     ):
-        block = stepped(
+        block = step_block(
             manager("manager_preview_learning", table_nodes=20, lost_table=table)
         )
         block.costate_table = (2.0,) * 936
         block.lost_coil = coil
-        assert block.offset(0, 0.5) == pytest.approx(expected)
+        assert block.offset(0, 0.5) == pytest.approx(costate)
         block._x = (5.0, *block._x[1:])  # no more than twice
-        assert block.offset(0, 0.5) == pytest.approx([2.0 * g for g in expected])
+        assert block.offset(0, 0.5) == pytest.approx([2.0 * g for g in costate])
         block.learn = False
         assert block.offset(0, 0.5) == (2.0,) * 3
 
 
 def test_a_period_of_one_sample_is_singular_and_the_law_says_so():
-    for subject, held in (("hold", 0), ("none", 1)):
+    for subject, choice in (("hold", 0), ("none", 1)):
         block = manager(
             "manager_open_loop", desaturation_period=50.0, update_period=50.0
         )
-        block.on_singular = held
-        stepped(block)
+        block.on_singular = choice
+        step_block(block)
         assert block.condition > 1e12, subject
         assert block.mode == FALLBACK
         assert block.m_cmd_body == (0.0, 0.0, 0.0)  # there was none before
 
 
 def test_a_costate_that_turns_bad_leaves_the_last_command_or_none():
-    for subject, held in (("hold", 0), ("none", 1)):
-        block = manager("manager_open_loop", on_singular=held, table_nodes=20)
-        stepped(block)
+    for subject, choice in (("hold", 0), ("none", 1)):
+        block = manager("manager_open_loop", on_singular=choice, table_nodes=20)
+        step_block(block)
         assert block.mode == DUMPING
         assert block.condition > 3.0
         before = block.m_cmd_body
         block.condition_limit = 1.0
-        stepped(block, 4, 1)
+        step_block(block, 4, 1)
         assert block.mode == FALLBACK, subject
         assert any(before)
-        assert any(block.m_cmd_body) != bool(held)
+        assert any(block.m_cmd_body) != bool(choice)
 
 
 def test_the_prediction_of_the_open_loop_misses_by_rounding():
-    block = stepped(manager("manager_open_loop"))
+    block = step_block(manager("manager_open_loop"))
     assert 0.0 <= block.miss_predicted < 1e-9
 
 
@@ -567,14 +573,14 @@ def test_a_manoeuvre_has_one_desaturation_period():
         lag_time=100.0,
         table_nodes=20,
     )
-    stepped(block, 2)
+    step_block(block, 2)
     before = block._costate
-    stepped(block, 1, 2)
+    step_block(block, 1, 2)
     during = block._costate
     assert during != before
-    stepped(block, 8, 3)  # to t = 500 s < 550 s
+    step_block(block, 8, 3)  # to t = 500 s < 550 s
     assert block._costate == during
-    stepped(block, 1, 11)
+    step_block(block, 1, 11)
     assert block._costate != during
 
 
@@ -590,30 +596,31 @@ def test_every_leaf_of_figure_1_has_a_scenario():
         assert {f"{law}-{case}" for case in cases} <= names
     for law in ("open-me", "open-mw", "me", "me-short", "mixed-me", "mixed-mw", "ours"):
         assert {f"{law}-{case}" for case in cases | {"field-0-8", "no-tilt"}} <= names
-    drawn = stored.read(FAMILY)["scenarios"]
-    compared = {f"{FAMILY}/{n}" for n in names if not n.startswith("predictive-")}
-    assert all(len(drawn[n]["draws"]) == 200 for n in compared)
+    draws_by_name = stored.read(FAMILY)["scenarios"]
+    compared_names = {f"{FAMILY}/{n}" for n in names if not n.startswith("predictive-")}
+    assert all(len(draws_by_name[n]["draws"]) == 200 for n in compared_names)
 
 
 def test_what_a_row_compares_flew_the_same_draws_and_two_hundred_for_the_rows_asked_for():
-    drawn = stored.read(FAMILY)["scenarios"]
+    draws_by_name = stored.read(FAMILY)["scenarios"]
     for name, scenario in scenarios(FAMILY).items():
         for entry in scenario.content.numbers.values():
             if entry.reference:
-                other = drawn[f"{FAMILY}/{entry.reference}"]["draws"]
-                assert len(drawn[name]["draws"]) == len(other), name
+                other = draws_by_name[f"{FAMILY}/{entry.reference}"]["draws"]
+                assert len(draws_by_name[name]["draws"]) == len(other), name
         bands = [
             e for e in scenario.content.entries.values() if e.tolerance is not None
         ]
         if bands:
-            assert len(drawn[name]["draws"]) == 200, name
+            assert len(draws_by_name[name]["draws"]) == 200, name
 
 
 def test_a_run_on_tables_of_another_attitude_or_beyond_them_is_refused_before_it_begins():
     name = f"{FAMILY}/mixed-me-nominal"
-    turned = Options(blocks=True, sets=["guidance.q_target_bi=1,0,0,0"])
+    rotated_target = Options(blocks=True, sets=["guidance.q_target_bi=1,0,0,0"])
     assert any(
-        "tables are of another orbit" in p for p in prepare(name, turned).problems
+        "tables are of another orbit" in p
+        for p in prepare(name, rotated_target).problems
     )
     other = Options(blocks=True, sets=["environment.inclination=0.6"])
     assert any(
@@ -633,10 +640,10 @@ def test_a_kept_design_is_that_of_today_s_code():
     for name in ("mixed-me-nominal", "ours-nominal"):
         scenario = find(f"{FAMILY}/{name}")
         result = making.design(scenario).parameters
-        saved = scenario.parameters()["manager"]
+        manager_design = scenario.parameters()["manager"]
         for key, value in result.items():
-            scale = np.abs(np.array(saved[key], float)).max()
-            assert np.array(saved[key]) == pytest.approx(
+            scale = np.abs(np.array(manager_design[key], float)).max()
+            assert np.array(manager_design[key]) == pytest.approx(
                 np.array(value), abs=1e-6 * scale
             ), key
 
@@ -761,18 +768,18 @@ def test_the_periodic_momentum_is_kept_and_the_coils_move_less_than_gravity(
 
 
 def test_the_least_energy_is_below_the_run_and_grows_as_the_peak_shrinks(half_orbits):
-    found = coil_bound.of_run(half_orbits.manifest, half_orbits.results)
-    assert 0.0 < found.above_percent < 50.0
-    assert found.above_percent == pytest.approx(
-        100.0 * (found.energy / found.least - 1.0)
+    bound = coil_bound.of_run(half_orbits.manifest, half_orbits.results)
+    assert 0.0 < bound.above_percent < 50.0
+    assert bound.above_percent == pytest.approx(
+        100.0 * (bound.energy / bound.least - 1.0)
     )
     curve = coil_bound.curve(
         half_orbits.manifest,
         half_orbits.results,
-        [0.8 * found.peak, found.peak, 1.5 * found.peak],
+        [0.8 * bound.peak, bound.peak, 1.5 * bound.peak],
     )
     energies = [energy for _, energy in curve]
-    assert energies[1] == pytest.approx(found.least)
+    assert energies[1] == pytest.approx(bound.least)
     assert energies[0] > energies[1] > energies[2]
 
 
@@ -806,24 +813,26 @@ def test_the_mixed_law_multiplies_less_than_the_open_loop():
 
 
 def test_a_paired_ratio_is_of_the_same_draw():
-    def drawn(*values):
+    def make_draws(*values):
         return [
             RunRow("completed", 0, "", numbers={"e": x}, number=i)
             for i, x in enumerate(values)
         ]
 
-    found = pairs.each_draw(
-        drawn(2.0, 9.0, None, 8.0), drawn(1.0, 3.0, 5.0, 0.0), "e", ratio=True
+    ratios = pairs.each_draw(
+        make_draws(2.0, 9.0, None, 8.0), make_draws(1.0, 3.0, 5.0, 0.0), "e", ratio=True
     )
-    assert found == {0: 2.0, 1: 3.0}
+    assert ratios == {0: 2.0, 1: 3.0}
     assert numbers.related("paired_ratio", 6.0, 4.0) == 1.5
 
 
 def test_claims_that_hold_are_within_their_bands(monkeypatch):
     monkeypatch.setattr(tables, "scenarios", stored.with_draws)
-    drawn = stored.read(FAMILY)
+    stored_draws = stored.read(FAMILY)
     rows = [
-        r for r in tables.rows(FAMILY, Options(), drawn=drawn) if r.table == "claims"
+        r
+        for r in tables.rows(FAMILY, Options(), drawn=stored_draws)
+        if r.table == "claims"
     ]
     assert len(rows) >= 15
     for row in rows:
