@@ -90,29 +90,29 @@ def test_a_law_of_ones_own_runs_as_ours_does_bit_by_bit(law):
 def test_it_is_built_once_and_kept_by_its_contents(law, tmp_path, monkeypatch):
     first = own.build(law)
     monkeypatch.setattr(own, "_build", lambda *_: pytest.fail("it is built again"))
-    copied = tmp_path / law.name
-    copied.write_text(LAW)
-    assert own.build(copied) == first
-    copied.write_text(LAW.replace("5e-3", "4e-3"))
+    law_copy = tmp_path / law.name
+    law_copy.write_text(LAW)
+    assert own.build(law_copy) == first
+    law_copy.write_text(LAW.replace("5e-3", "4e-3"))
     with pytest.raises(pytest.fail.Exception):
-        own.build(copied)
+        own.build(law_copy)
 
 
 def test_the_command_builds_both_fmus_which_any_tool_can_run(law, desat, tmp_path):
-    done = desat("build", str(law), "--out", str(tmp_path), "--json")
-    assert done.returncode == 0, done.stderr
-    written = json.loads(done.stdout)
-    assert written == {
+    command = desat("build", str(law), "--out", str(tmp_path), "--json")
+    assert command.returncode == 0, command.stderr
+    fmu_files = json.loads(command.stdout)
+    assert fmu_files == {
         "python": str(tmp_path / "my_law.fmu"),
         "native": str(tmp_path / "native" / "my_law.fmu"),
     }
-    for fmu in written.values():
+    for fmu in fmu_files.values():
         assert validate_fmu(fmu) == []
     names = [
-        v.name for v in fmpy.read_model_description(written["native"]).modelVariables
+        v.name for v in fmpy.read_model_description(fmu_files["native"]).modelVariables
     ]
     result = fmpy.simulate_fmu(
-        written["native"],
+        fmu_files["native"],
         stop_time=1.0,
         step_size=1.0,
         output=["m_cmd_body[1]"],
@@ -130,7 +130,7 @@ def test_what_does_not_translate_runs_as_python_and_says_why(cache, tmp_path, de
             "    known = {1: gain}\n    return cross_product",
         ).replace("(h, b, gain)\n\n", "(h, b, known[1])\n\n")
     )
-    done = desat(
+    command = desat(
         "run",
         TARGET,
         "--source",
@@ -140,11 +140,11 @@ def test_what_does_not_translate_runs_as_python_and_says_why(cache, tmp_path, de
         "--out",
         str(tmp_path / "run"),
     )
-    assert done.returncode in (0, 1), done.stderr
-    assert "by_dict.py runs as Python: by_dict.py:12: a dict" in done.stderr
-    built = own.build(file)
-    assert built.native is None
-    assert built.python.is_file()
+    assert command.returncode in (0, 1), command.stderr
+    assert "by_dict.py runs as Python: by_dict.py:12: a dict" in command.stderr
+    law_build = own.build(file)
+    assert law_build.native is None
+    assert law_build.python.is_file()
 
 
 @pytest.mark.parametrize(
@@ -221,12 +221,12 @@ def test_what_is_refused_names_file_line_and_what_to_write(
 
 
 def test_a_file_that_is_not_there_is_said(desat, tmp_path):
-    done = desat("build", str(tmp_path / "none.py"))
-    assert done.returncode == 2
-    assert "none.py: No such file" in done.stderr
-    done = desat("run", TARGET, "--source", f"manager={tmp_path / 'none.py'}")
-    assert done.returncode == 2
-    assert "none.py: No such file" in done.stderr
+    command = desat("build", str(tmp_path / "none.py"))
+    assert command.returncode == 2
+    assert "none.py: No such file" in command.stderr
+    command = desat("run", TARGET, "--source", f"manager={tmp_path / 'none.py'}")
+    assert command.returncode == 2
+    assert "none.py: No such file" in command.stderr
 
 
 # --- desat new law --------------------------------------------------------------------
@@ -239,8 +239,8 @@ def test_a_new_law_flies_and_its_own_test_holds(desat, cache, tmp_path):
     result = desat("new", "law", "my_own", cwd=tmp_path, check=True)
     assert result.stdout.splitlines()[0] == "my_own.py, test_my_own.py"
     file = tmp_path / "my_own.py"
-    built = own.build(file)
-    assert built.native is not None, built.reason
+    law_build = own.build(file)
+    assert law_build.native is not None, law_build.reason
     runs = [
         execute(TARGET, Options(stop=600.0, sources=[f"manager={x}"]))
         for x in (file, OURS)
@@ -249,7 +249,7 @@ def test_a_new_law_flies_and_its_own_test_holds(desat, cache, tmp_path):
     assert abs(first).max() > 0.0
     np.testing.assert_allclose(first, second, rtol=1e-9, atol=1e-15)
 
-    def tested(*more: str) -> int:
+    def test_law(*more: str) -> int:
         inputs = [
             sys.executable,
             "-m",
@@ -263,11 +263,11 @@ def test_a_new_law_flies_and_its_own_test_holds(desat, cache, tmp_path):
             [*inputs, *more], cwd=tmp_path, capture_output=True, timeout=60, check=False
         ).returncode
 
-    assert tested() == 0
+    assert test_law() == 0
     file.write_text(
         file.read_text().replace("cross(h, self.b_body)", "cross(self.b_body, h)")
     )
-    assert tested("-k", "across") == 1
+    assert test_law("-k", "across") == 1
 
 
 @pytest.mark.parametrize(
@@ -281,9 +281,9 @@ def test_a_new_law_flies_and_its_own_test_holds(desat, cache, tmp_path):
 )
 def test_a_new_law_that_cannot_be(desat, tmp_path, name, text):
     (tmp_path / "there.py").write_text("mine")
-    refused = desat("new", "law", name, cwd=tmp_path)
-    assert refused.returncode == 2
-    assert text in refused.stderr
+    refusal = desat("new", "law", name, cwd=tmp_path)
+    assert refusal.returncode == 2
+    assert text in refusal.stderr
     assert [x.name for x in tmp_path.iterdir()] == ["there.py"]
     assert (tmp_path / "there.py").read_text() == "mine"
     assert desat("new", "law", "there.py", "--force", cwd=tmp_path).returncode == 0
@@ -376,9 +376,9 @@ def test_an_output_that_is_never_assigned_is_refused(tmp_path, desat, begin):
     file.write_text(MAGNETOMETER.replace("BEGIN", begin))
     inputs = TARGET, "--source", f"magnetometer={file}"
     for command in (("build", str(file)), ("run", *inputs), ("check", *inputs)):
-        done = desat(*command, cwd=tmp_path)
-        assert done.returncode == 2, (command, done.stderr)
-        text = " ".join(done.stderr.split())
+        result = desat(*command, cwd=tmp_path)
+        assert result.returncode == 2, (command, result.stderr)
+        text = " ".join(result.stderr.split())
         assert (
             "my_magnetometer.py:10: Mine.b_body: advance does not assign this output"
             in text
@@ -398,8 +398,10 @@ def test_a_block_that_assigns_by_name_is_not_refused(tmp_path):
 
 
 def test_every_block_of_ours_assigns_its_outputs():
-    found = {name: block_file.unassigned(block_class(name)) for name in names()}
-    assert {name: lines for name, lines in found.items() if lines} == {}
+    unassigned_lines = {
+        name: block_file.unassigned(block_class(name)) for name in names()
+    }
+    assert {name: lines for name, lines in unassigned_lines.items() if lines} == {}
 
 
 BODY = '''"""A spacecraft of one's own."""
@@ -438,8 +440,8 @@ def test_a_spacecraft_of_ones_own_is_checked_by_what_it_declares(
     tmp_path, cache, declares
 ):
     file = tmp_path / "my_body.py"
-    imports, declared = (IMPORTS, DECLARED) if declares else ("", "")
-    file.write_text(BODY.format(imports=imports, declared=declared))
+    imports, declaration = (IMPORTS, DECLARED) if declares else ("", "")
+    file.write_text(BODY.format(imports=imports, declared=declaration))
     options = Options(sources=[f"spacecraft={file}"], stop=120.0, substeps=1)
     run = execute(TARGET, options)
     numbers = run.manifest.numbers
@@ -484,8 +486,8 @@ MORE = """
 def page_files() -> dict[str, str]:
     """The block files that docs/own-block.md shows, by name."""
     text = (ROOT / "docs/own-block.md").read_text(encoding="utf-8")
-    found = re.findall(r'```python\n("""(\w+\.py)""".*?)```', text, re.DOTALL)
-    return {name: code for code, name in found}
+    code_blocks = re.findall(r'```python\n("""(\w+\.py)""".*?)```', text, re.DOTALL)
+    return {name: code for code, name in code_blocks}
 
 
 @pytest.mark.parametrize(
@@ -558,8 +560,8 @@ def test_help_says_what_a_block_of_a_role_writes(desat):
         ("magnetometer", "due(t), which is there"),
         ("wheels", "output(t): Set the state outputs"),
     ):
-        printed = desat("help", "blocks", role, check=True).stdout
-        assert text in " ".join(printed.split())
+        help_text = desat("help", "blocks", role, check=True).stdout
+        assert text in " ".join(help_text.split())
 
 
 def test_a_bug_of_a_block_is_told_with_its_line(cache, tmp_path):

@@ -86,14 +86,18 @@ def test_libraries_of_two_processors_are_one_file():
 
 
 def test_a_library_of_windows_has_no_time_in_it():
-    def linked(at: int) -> bytes:
+    def make_library(at: int) -> bytes:
         head = bytearray(b"MZ" + bytes(198))
         struct.pack_into("<I", head, 60, 120)
         struct.pack_into("<4sHHI", head, 120, b"PE", 0x8664, 9, at)
         return bytes(head)
 
-    assert linked(1) != linked(2)
-    assert native.undated(linked(1)) == native.undated(linked(2)) == linked(0)
+    assert make_library(1) != make_library(2)
+    assert (
+        native.undated(make_library(1))
+        == native.undated(make_library(2))
+        == make_library(0)
+    )
     assert native.undated(b"\x7fELF" + bytes(200)) == b"\x7fELF" + bytes(200)
 
 
@@ -101,11 +105,11 @@ def test_a_platform_that_there_is_not_is_named(desat, tmp_path, monkeypatch):
     monkeypatch.setattr(native, "zig", lambda: ("zig",))
     file = tmp_path / "x.py"
     file.write_text("")
-    done = desat("build", str(file), "--platforms", "win32")
-    assert done.returncode == 2
+    command = desat("build", str(file), "--platforms", "win32")
+    assert command.returncode == 2
     assert (
         "platform win32: there is all, linux64, win64, darwin64, aarch64-linux"
-        in done.stderr
+        in command.stderr
     )
 
 
@@ -131,9 +135,9 @@ def test_a_loop_is_for_the_platforms_that_are_asked_for(desat, tmp_path, monkeyp
 
 @pytest.mark.skipif(ZIG, reason="ziglang is there")
 def test_without_ziglang_it_is_said(desat, tmp_path):
-    done = desat("build", str(tmp_path / "x.py"), "--platforms", "all")
-    assert done.returncode == 2
-    assert "for other platforms the package ziglang is needed" in done.stderr
+    command = desat("build", str(tmp_path / "x.py"), "--platforms", "all")
+    assert command.returncode == 2
+    assert "for other platforms the package ziglang is needed" in command.stderr
 
 
 @pytest.mark.parametrize(
@@ -142,8 +146,8 @@ def test_without_ziglang_it_is_said(desat, tmp_path):
 def test_native_ones_are_packed_once_they_are_for_windows_too(
     monkeypatch, platforms, portable
 ):
-    stated = {k: {**e, "platforms": platforms} for k, e in library.index().items()}
-    monkeypatch.setattr(library, "index", lambda: stated)
+    index = {k: {**e, "platforms": platforms} for k, e in library.index().items()}
+    monkeypatch.setattr(library, "index", lambda: index)
     assert library.portable() is portable
     assert library.python_alone() == ["environment_tle"]
 
@@ -169,10 +173,10 @@ def same_bits_for_linux_and_windows(tmp_path):
     fmu = tmp_path / "native" / f"{name}.fmu"
     with zipfile.ZipFile(fmu) as archive:
         archive.extractall(tmp_path / "x")
-    described = fmpy.read_model_description(fmu)
+    description = fmpy.read_model_description(fmu)
     real = [
         v
-        for v in described.modelVariables
+        for v in description.modelVariables
         if v.causality == "output" and v.type == "Real"
     ]
     references = [str(v.valueReference) for v in real]
@@ -185,14 +189,14 @@ def same_bits_for_linux_and_windows(tmp_path):
             [*compiler, "-target", target, str(tmp_path / "host.c"), "-o", str(host)],
             check=True,
         )
-        done = subprocess.run(
-            [*runner, str(host), str(library), described.guid, *references],
+        host_run = subprocess.run(
+            [*runner, str(host), str(library), description.guid, *references],
             capture_output=True,
             text=True,
             timeout=300,
         )
-        assert done.returncode == 0, (done.returncode, done.stderr[-500:])
-        return done.stdout
+        assert host_run.returncode == 0, (host_run.returncode, host_run.stderr[-500:])
+        return host_run.stdout
 
     binaries = tmp_path / "x" / "binaries"
     (linux,) = (binaries / "linux64").iterdir()
