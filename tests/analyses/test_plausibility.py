@@ -48,7 +48,7 @@ CUBE: dict[str, Any] = {
 }
 
 
-def crafted(folder: Path, **facts: Any) -> str:
+def write_craft(folder: Path, **facts: Any) -> str:
     """Write a craft; return its folder as a target."""
     write(folder / "mine", CraftFacts(**facts), "")
     return str(folder / "mine")
@@ -69,7 +69,7 @@ def crafted(folder: Path, **facts: Any) -> str:
     ],
 )
 def test_what_is_not_given_follows_from_what_is(tmp_path, facts, mass, side):
-    system, _ = prepare(crafted(tmp_path, **facts), Options()).or_raise()
+    system, _ = prepare(write_craft(tmp_path, **facts), Options()).or_raise()
     assert system.body.mass == pytest.approx(mass, rel=1e-5)
     if side is not None:
         assert system.body.sides == pytest.approx((side, side, side), rel=1e-5)
@@ -172,7 +172,7 @@ def test_what_contradicts_itself_is_refused(tmp_path, facts, message):
     ],
 )
 def test_improbable_hardware_is_told_by_check_and_run(tmp_path, facts, sets, message):
-    case = prepare(crafted(tmp_path, **facts), Options(sets=sets))
+    case = prepare(write_craft(tmp_path, **facts), Options(sets=sets))
     assert message in "\n".join(case.warnings)
     assert (
         message not in "\n".join(prepare(case.target, Options()).warnings) or not sets
@@ -180,7 +180,7 @@ def test_improbable_hardware_is_told_by_check_and_run(tmp_path, facts, sets, mes
 
 
 def test_a_craft_file_whose_body_is_wrong_is_told(tmp_path, desat):
-    target = Path(crafted(tmp_path, size="6U"))
+    target = Path(write_craft(tmp_path, size="6U"))
     craft = target / "craft.toml"
     text = craft.read_text()
     craft.write_text(text.replace('mass = "9 kg"', 'mass = "900 kg"'))
@@ -224,7 +224,7 @@ def test_new_craft_prints_what_it_assumed(desat, tmp_path):
 
 def test_given_torques_add_up(tmp_path):
     (tmp_path / "tau.csv").write_text("t,x,y,z\n0,1e-6,0,0\n100,3e-6,0,0\n")
-    both = crafted(
+    both = write_craft(
         tmp_path,
         secular="4uNm",
         torque=f"{tmp_path}/tau.csv eci",
@@ -272,11 +272,11 @@ def test_given_torques_add_up(tmp_path):
 )
 def test_wheels_that_contradict_each_other_are_refused(tmp_path, sets, message):
     with pytest.raises(DesatError, match=message):
-        prepare(crafted(tmp_path, size="12U"), Options(sets=sets)).or_raise()
+        prepare(write_craft(tmp_path, size="12U"), Options(sets=sets)).or_raise()
 
 
 def test_three_wheels_of_four_have_a_margin(tmp_path):
-    target = crafted(tmp_path, size="12U", wheels="3 axes 30mNms")
+    target = write_craft(tmp_path, size="12U", wheels="3 axes 30mNms")
     run = library.run(target, stop=60.0)
     assert 0.0 < run.manifest.numbers["momentum_margin"].value <= 100.0
     with pytest.raises(DesatError, match=r"there is no wheel 4"):
@@ -338,7 +338,7 @@ def test_each_real_parameter_of_a_sensor_or_actuator_has_a_range():
     ],
 )
 def test_a_parameter_beyond_its_model_is_told(tmp_path, values):
-    case = prepare(crafted(tmp_path, size="12U"), Options(sets=[values]))
+    case = prepare(write_craft(tmp_path, size="12U"), Options(sets=[values]))
     messages = "\n".join(case.warnings + case.problems)
     assert f"{values.partition('=')[0]}" in messages
     assert "usual is" in messages
@@ -368,9 +368,9 @@ def a_loop(sample: float, lag: float = 0.0) -> AttitudeLoop:
 
 
 def test_a_loop_at_rest_has_the_damping_of_its_gains():
-    found = stability(a_loop(0.01), np.zeros(3))
-    assert found.damping == pytest.approx(0.7, abs=0.01)
-    assert found.stable
+    margins = stability(a_loop(0.01), np.zeros(3))
+    assert margins.damping == pytest.approx(0.7, abs=0.01)
+    assert margins.stable
 
 
 def test_held_compensation_is_unstable_near_two_radians_of_nutation_in_a_sample():
@@ -389,10 +389,10 @@ def test_the_worst_momentum_is_that_of_the_least_damping():
     """Of two wheels that nearly cancel with equal signs, opposite signs add up."""
     loop = a_loop(1.0)
     axes = np.array([[1.0, -0.8], [0.0, 0.6], [0.0, 0.0]])
-    momentum, found = worst_momentum(loop, axes, np.array([1.0, 1.0]))
+    momentum, worst = worst_momentum(loop, axes, np.array([1.0, 1.0]))
     assert momentum == pytest.approx([1.8, -0.6, 0.0])
-    assert found == stability(loop, np.array([1.8, -0.6, 0.0]))
-    assert found.damping < stability(loop, np.array([0.2, 0.6, 0.0])).damping
+    assert worst == stability(loop, np.array([1.8, -0.6, 0.0]))
+    assert worst.damping < stability(loop, np.array([0.2, 0.6, 0.0])).damping
 
 
 @pytest.mark.parametrize(("share", "is_stable"), [(0.95, True), (1.05, False)])
@@ -407,7 +407,7 @@ def test_a_controller_may_be_as_late_as_its_phase_margin(share, is_stable):
 
 def test_the_loop_of_a_craft_has_the_delays_of_its_computers(tmp_path):
     values = {"controller.delay": 0.4, "manager.delay": 0.2}
-    target = crafted(tmp_path, **CUBE)
+    target = write_craft(tmp_path, **CUBE)
     system, _ = prepare(target, Options(values=values)).or_raise()
     loop = attitude_loop.loop_of(system)
     assert (loop.controller_delay, loop.manager_delay) == (0.4, 0.2)
@@ -415,7 +415,9 @@ def test_the_loop_of_a_craft_has_the_delays_of_its_computers(tmp_path):
 
 def test_wheels_of_a_craft_that_dumps_are_full_where_dumps_begin(tmp_path):
     """70 % of 50 N m s in each wheel, of some signs."""
-    system, _ = prepare(crafted(tmp_path, **GEO, mass="2500kg"), Options()).or_raise()
+    system, _ = prepare(
+        write_craft(tmp_path, **GEO, mass="2500kg"), Options()
+    ).or_raise()
     loop, body = attitude_loop.loop_of(system), craft_of(system).rigid_body
     *_, full = attitude_loop.conditions(system, loop, body)
     assert full.name == "with the wheels where dumps begin"
@@ -426,7 +428,7 @@ def test_wheels_of_a_craft_that_dumps_are_full_where_dumps_begin(tmp_path):
 
 def test_a_loop_that_is_poorly_damped_is_told_with_its_damping(tmp_path):
     """G is the inertia: e is half the angle, so that zeta = kd / (2 sqrt(kp / 2))."""
-    target = crafted(tmp_path, **CUBE)
+    target = write_craft(tmp_path, **CUBE)
     system, _ = prepare(target, Options()).or_raise()
     kp = system.components["controller"].values["kp"]
     for zeta, number in ((0.05, 1), (0.2, 0)):
@@ -443,7 +445,7 @@ def test_a_loop_that_is_poorly_damped_is_told_with_its_damping(tmp_path):
 def test_what_the_eigenvalues_say_flies(tmp_path, momentum):
     """A craft of the issue, sampled each second: at a quarter it points, at half it is
     lost."""
-    target = crafted(tmp_path, **CUBE)
+    target = write_craft(tmp_path, **CUBE)
     folder = Path(target)
     for file in folder.glob("*.toml"):
         text = file.read_text().replace("step = 0.2", "step = 1.0")
@@ -469,14 +471,14 @@ def test_what_the_eigenvalues_say_flies(tmp_path, momentum):
 
 
 def test_a_new_craft_samples_as_its_full_wheels_need(tmp_path):
-    system, _ = prepare(crafted(tmp_path, **CUBE), Options()).or_raise()
+    system, _ = prepare(write_craft(tmp_path, **CUBE), Options()).or_raise()
     assert system.step == 0.2
     assert list(attitude_loop.problems_when_full(system)) == []
     assert list(attitude_loop.warnings(system)) == []
 
 
 def test_check_ends_with_1_where_full_wheels_are_unstable(tmp_path, desat):
-    target = crafted(tmp_path, **CUBE)
+    target = write_craft(tmp_path, **CUBE)
     slow = [
         "--step",
         "1",
@@ -504,7 +506,7 @@ def test_check_ends_with_1_where_full_wheels_are_unstable(tmp_path, desat):
 
 
 def test_a_law_that_does_nothing_is_not_met(tmp_path):
-    target = crafted(tmp_path, size="12U", rods="0.2")
+    target = write_craft(tmp_path, size="12U", rods="0.2")
     still = library.run(target, {"manager.gain": 0.0}, stop=6000.0)
     assert any("it does nothing" in line for line in still.manifest.not_met)
     own_value = library.run(target, stop=6000.0)
@@ -514,7 +516,7 @@ def test_a_law_that_does_nothing_is_not_met(tmp_path):
 
 
 def test_b_dot_that_drives_a_rotation_is_told_and_not_met(tmp_path):
-    target = crafted(tmp_path, size="12U", rods="0.2") + "/detumbling.toml"
+    target = write_craft(tmp_path, size="12U", rods="0.2") + "/detumbling.toml"
     case = prepare(
         target, Options(sets=['spacecraft.omega_start_body=["180 deg/s",0,0]'])
     )
@@ -541,7 +543,7 @@ def test_a_bias_that_the_attitude_turns_is_refused(tmp_path, pointing):
         "wheels": "4 pyramid 100mNms",
         "pointing": pointing,
     }
-    target = crafted(tmp_path, **facts)
+    target = write_craft(tmp_path, **facts)
     case = prepare(target, Options(sets=["manager.h_target_body=0,0.02,0"]))
     message = "\n".join(case.problems)
     assert ("no law turns a bias with it" in message) == (pointing == "yaw")
@@ -549,16 +551,16 @@ def test_a_bias_that_the_attitude_turns_is_refused(tmp_path, pointing):
 
 @pytest.mark.parametrize("begin", [1000.0, 40000.0])
 def test_a_bias_that_a_slew_turns_is_refused(tmp_path, begin):
-    target = crafted(tmp_path, size="12U", rods="0.3", pointing="inertial")
+    target = write_craft(tmp_path, size="12U", rods="0.3", pointing="inertial")
     sets = [
         "manager.h_target_body=0,0.002,0",
         "guidance.q_end_bi=0.7071068,0,0,0.7071068",
         f"guidance.t_begin={begin}",
         f"guidance.t_end={begin + 600.0}",
     ]
-    slewed = Options(sources=["guidance=guidance_slew"], sets=sets)
+    slew = Options(sources=["guidance=guidance_slew"], sets=sets)
     assert "guidance_slew turns it by 90 deg" in "\n".join(
-        prepare(target, slewed).problems
+        prepare(target, slew).problems
     )
 
 
@@ -573,14 +575,14 @@ def test_the_dumps_of_a_run_are_the_vector_sums_of_their_pulses(tmp_path):
         "wheels": "3 axes 50Nms",
         "torque": f"{tmp_path}/t.csv eci",
     }
-    target = crafted(tmp_path, **facts)
+    target = write_craft(tmp_path, **facts)
     run = library.run(target, stop=200000.0)
     h = run.results.values("wheels.h_wheel")
     sizes = np.linalg.norm(h[:, :3], axis=1)
     dumps = run.manifest.numbers["dumps"].value
     assert dumps >= 2
-    taken = run.manifest.numbers["dump_momentum"].value
-    assert taken == pytest.approx(
+    dumped_momentum = run.manifest.numbers["dump_momentum"].value
+    assert dumped_momentum == pytest.approx(
         sizes.max() - sizes[len(sizes) // 2 :].min(), rel=0.05
     )
 
@@ -607,7 +609,7 @@ def _fingerprint(system: Any) -> str:
     manager = system.components["manager"]
     law = manager.values if manager.interface.model == LAW else {}
     tank = system.components["thrusters"].values["tank"]
-    seen = (
+    model_inputs = (
         hardware_of(system),
         dict(law),
         tank,
@@ -616,10 +618,10 @@ def _fingerprint(system: Any) -> str:
         flight.body,
     )
     with np.printoptions(precision=17, floatmode="unique"):
-        return repr(seen)
+        return repr(model_inputs)
 
 
-def _changed(signals: Any, values: Any) -> list[Any]:
+def _change_one(signals: Any, values: Any) -> list[Any]:
     """Other values than a parameter has."""
     results = []
     for s, x in zip(signals, values, strict=True):
@@ -657,18 +659,18 @@ def _silent(target: str) -> set[str]:
     from desat.sizing.scenarios import closed_loop_only
 
     own_value, _ = prepare(target, Options()).or_raise()
-    known, silent = _fingerprint(own_value), set()
+    own_fingerprint, silent = _fingerprint(own_value), set()
     for component in own_value.components.values():
         for name in dict.fromkeys(s.array for s in component.interface.parameters):
             signals = component.interface.elements[name]
-            values = _changed(signals, [component.values[s.name] for s in signals])
+            values = _change_one(signals, [component.values[s.name] for s in signals])
             inputs = values if len(signals) > 1 else values[0]
             options = Options(values={f"{component.name}.{name}": inputs})
             if list(closed_loop_only(own_value, options)):
                 continue
             try:
                 system, _ = prepare(target, options).or_raise()
-                if _fingerprint(system) == known:
+                if _fingerprint(system) == own_fingerprint:
                     silent.add(f"{component.name}.{name}")
             except (DesatError, ValueError, RuntimeError):
                 continue  # refused
@@ -683,10 +685,10 @@ def test_size_uses_each_parameter_of_a_craft_or_says_that_it_does_not(tmp_path):
         "pointing": "inertial",
         "box": "1,1.5,2",
     }
-    found = _silent(crafted(tmp_path / "geo", **geo)) & _silent(
-        crafted(tmp_path / "low", **low)
+    silent_names = _silent(write_craft(tmp_path / "geo", **geo)) & _silent(
+        write_craft(tmp_path / "low", **low)
     )
-    assert not found - INACTIVE, " ".join(sorted(found - INACTIVE))
+    assert not silent_names - INACTIVE, " ".join(sorted(silent_names - INACTIVE))
 
 
 @pytest.mark.parametrize("size", [1e30, 1e39, 1e300])
@@ -713,11 +715,11 @@ def test_a_value_beyond_all_quantities_is_a_problem_and_no_bug(name, size):
     if name == "shared.inertia":
         values = {name: [size if i % 4 == 0 else 0.0 for i in range(9)]}
     for target in ("nadir_day/day-dipole", "gyrostat/saturating"):
-        found = prepare(target, Options(values=values))
+        case = prepare(target, Options(values=values))
         if size > 1e40:
             assert any(
                 "a magnitude of at most 1e+40 is needed" in line
-                for line in found.problems
+                for line in case.problems
             )
 
 
@@ -753,7 +755,7 @@ def test_a_target_that_wheels_do_not_hold_is_told(tmp_path, target, wheels, mess
     ],
 )
 def test_a_pulse_of_torque_that_is_too_short_is_named(tmp_path, rows, line):
-    crafted(tmp_path, size="12U")
+    write_craft(tmp_path, size="12U")
     table = (
         '[components]\ndisturbance = "disturbance_table"\n'
         f"[parameters.disturbance]\ntorque = {rows}\nrepeated = {str(len(rows) > 1).lower()}\n"
@@ -767,8 +769,8 @@ def test_a_pulse_of_torque_that_is_too_short_is_named(tmp_path, rows, line):
         file.read_text() + "\n[parameters" + table.partition("[parameters")[2]
     )
     system, _ = prepare(str(file.parent), Options()).or_raise()
-    found = [x for x in plausibility.warnings(system) if "a row of" in x]
-    assert [x.rpartition(".torque: ")[2] for x in found] == [line] * bool(line)
+    row_warnings = [x for x in plausibility.warnings(system) if "a row of" in x]
+    assert [x.rpartition(".torque: ")[2] for x in row_warnings] == [line] * bool(line)
 
 
 # --- hardware against the craft -------------------------------------------------------
