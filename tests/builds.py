@@ -46,7 +46,7 @@ SANE = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 ZIG = f"{sys.executable} -m ziglang cc -fno-sanitize=undefined"
 
 
-def prepared(kind: str) -> None:
+def prepare_build(kind: str) -> None:
     """Set the compiler and its flags; start anew where the environment has to be
     another."""
     if kind == "zig":
@@ -98,15 +98,15 @@ def same_run(scenario: str, folder: Path) -> int:
     """Series of the first 600 steps, equal in every bit with both builds; their number."""
     step = prepare(scenario, Options()).or_raise()[0].step
     assert step is not None
-    usual, series, built = paths.fmus, [], []
+    usual, series, hashes = paths.fmus, [], []
     for dist in (usual(), folder):
         paths.fmus = lambda dist=dist: dist
         run = execute(scenario, Options(stop=600 * step, fmus="native"))
         names = run.results.names()
         series.append({name: run.results.values(name).tobytes() for name in names})
-        built.append({c["sha256"] for c in run.manifest["fmus"].values()})
+        hashes.append({c["sha256"] for c in run.manifest["fmus"].values()})
     paths.fmus = usual
-    if built[0] == built[1]:
+    if hashes[0] == hashes[1]:
         raise SystemExit(f"{scenario}: both runs took the same FMUs")
     different = [name for name in series[0] if series[0][name] != series[1].get(name)]
     if different or not series[0]:
@@ -123,7 +123,7 @@ def main(kind: str, *scenarios: str) -> int:
                 flush=True,
             )
         return 0
-    prepared(kind)
+    prepare_build(kind)
     names = blocks_of(scenarios)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)

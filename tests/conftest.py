@@ -96,13 +96,13 @@ def browser(request):
     api = pytest.importorskip("playwright.sync_api", reason="no playwright")
     if request.param == "chromium" and CHROMIUM is None:
         pytest.skip("no Chromium")
-    with api.sync_playwright() as started:
+    with api.sync_playwright() as playwright:
         if request.param == "firefox":
-            if not Path(started.firefox.executable_path).exists():
+            if not Path(playwright.firefox.executable_path).exists():
                 pytest.skip("no Firefox of playwright")
-            result = started.firefox.launch(timeout=30_000)
+            result = playwright.firefox.launch(timeout=30_000)
         else:
-            result = started.chromium.launch(
+            result = playwright.chromium.launch(
                 executable_path=CHROMIUM,
                 timeout=30_000,
                 args=["--no-sandbox", "--headless", "--lang=en-US"],
@@ -234,12 +234,12 @@ def desat(monkeypatch) -> Command:
         ):
             patch.setattr(sys, "argv", ["desat", *arguments])
             code = int(cli._code())
-        done = subprocess.CompletedProcess(
+        command = subprocess.CompletedProcess(
             arguments, code, out.getvalue(), err.getvalue()
         )
         if check:
-            done.check_returncode()
-        return done
+            command.check_returncode()
+        return command
 
     return run
 
@@ -257,12 +257,12 @@ def slow_value(value: Any) -> Any:
 
 def one_of_each_craft() -> list[str]:
     """The first scenario of each craft and choice of FMUs."""
-    found: dict[str, str] = {}
+    names: dict[str, str] = {}
     for name, scenario in scenarios().items():
         of = scenario.content
         kind = (scenario.family, of.craft, of.ssd, of.sources)
-        found.setdefault(repr(kind), name)
-    return list(found.values())
+        names.setdefault(repr(kind), name)
+    return list(names.values())
 
 
 def python(

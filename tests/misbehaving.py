@@ -19,7 +19,7 @@ sys.path.insert(0, str(ROOT))
 from benchmarks import seen  # noqa: E402
 from desat.campaign import coordinator, store  # noqa: E402
 from desat.runs.run import Options  # noqa: E402
-from tests.engine.test_failures import FAILURES, compiled, drawn_to_fail  # noqa: E402
+from tests.engine.test_failures import FAILURES, compile_failing, drawn_to_fail  # noqa: E402
 
 WAYS = ["NOTHING"] * 989 + ["SEGFAULT"] * 10 + ["HANG"]
 LIMIT = 2.0
@@ -32,13 +32,13 @@ MESSAGES = {
 
 def fly(folder: Path, cases: int) -> dict[str, object]:
     """Make the campaign; what became of its cases."""
-    system = drawn_to_fail(folder / "s", compiled(folder), WAYS)
+    system = drawn_to_fail(folder / "s", compile_failing(folder), WAYS)
     plan, _ = coordinator.planned(system, cases, options=Options(step=1.0), limit=LIMIT)
     began = time.monotonic()
     coordinator.run(plan, folder / "campaign", 2, progress=False)
     seconds = time.monotonic() - began
     rows = store.read(folder / "campaign").to_pylist()
-    drawn = Counter(FAILURES[r["in.bad.how"]] for r in rows)
+    failure_counts = Counter(FAILURES[r["in.bad.how"]] for r in rows)
     wrong = [
         r["case"]
         for r in rows
@@ -48,8 +48,8 @@ def fly(folder: Path, cases: int) -> dict[str, object]:
     return {
         "cases": cases,
         "each_once": [r["case"] for r in rows] == list(range(cases)),
-        "crashed": drawn["SEGFAULT"],
-        "hung": drawn["HANG"],
+        "crashed": failure_counts["SEGFAULT"],
+        "hung": failure_counts["HANG"],
         "wrong": wrong,
         "seconds": round(seconds, 1),
     }
@@ -59,11 +59,11 @@ def main() -> int:
     """1 where a case is missing, twice, or says something else."""
     keep = seen.is_writing()
     with tempfile.TemporaryDirectory() as folder:
-        found = fly(Path(folder), int(sys.argv[1]) if sys.argv[1:] else 3000)
-    print(found)
+        outcome = fly(Path(folder), int(sys.argv[1]) if sys.argv[1:] else 3000)
+    print(outcome)
     if keep:
-        seen.keep("misbehaving", "pool", found)
-    return int(bool(found["wrong"]) or not found["each_once"])
+        seen.keep("misbehaving", "pool", outcome)
+    return int(bool(outcome["wrong"]) or not outcome["each_once"])
 
 
 if __name__ == "__main__":

@@ -223,10 +223,10 @@ class Part:
 
     def has(self, file: str, line: int, places: list[tuple[str, int, int]]) -> bool:
         """Whether a mutation of a line belongs to it, `places` all of the file."""
-        known = file.removeprefix("orchestrator/") in self.functions
+        is_listed = file.removeprefix("orchestrator/") in self.functions
         names = self.functions.get(file.removeprefix("orchestrator/"), ())
         of = {name for name, first, last in places if first <= line <= last}
-        decides = known and (not names or bool(of & set(names)))
+        decides = is_listed and (not names or bool(of & set(names)))
         return decides == (self.sample is None)
 
 
@@ -267,11 +267,11 @@ def git(*arguments: str) -> bytes:
 def find_last_release() -> str:
     """Return the last tag, or the commit that last changed the version."""
     version = ("log", "-1", "--format=%H", "-G^version = ", "--", "pyproject.toml")
-    found = git("describe", "--tags", "--abbrev=0") or git(*version)
-    return found.decode().strip()
+    tag = git("describe", "--tags", "--abbrev=0") or git(*version)
+    return tag.decode().strip()
 
 
-def landed(part: Part) -> Part:
+def restrict_to_new_code(part: Part) -> Part:
     """Return a part of the same folders, of what landed since the last release."""
     is_of_blocks = part.folders == ("components",)
     return replace(
@@ -306,21 +306,21 @@ def _decorators(node: ast.stmt) -> list[ast.expr]:
 
 
 @cache
-def released(release: str) -> frozenset[str]:
+def read_release_code(release: str) -> frozenset[str]:
     """Return the code of all statements of a release, but for those of its tests."""
-    found = set()
+    statements = set()
     with tarfile.open(fileobj=io.BytesIO(git("archive", release))) as files:
         for file in files:
             if file.name.endswith(".py") and not file.name.startswith("tests/"):
                 text = files.extractfile(file).read()  # type: ignore[union-attr]
-                found.update(code for code, _ in statements_of(text.decode()))
-    return frozenset(found)
+                statements.update(code for code, _ in statements_of(text.decode()))
+    return frozenset(statements)
 
 
 def landed_lines(text: str, release: str) -> set[int]:
     """Return the lines of a module's statements that a release has not."""
-    known = released(release)
-    lines = (lines for code, lines in statements_of(text) if code not in known)
+    old_statements = read_release_code(release)
+    lines = (lines for code, lines in statements_of(text) if code not in old_statements)
     return {line for each in lines for line in each}
 
 
@@ -357,7 +357,7 @@ def _renew_tests(tree: Path, folder: Path) -> None:
             map_of(folder, old).unlink(missing_ok=True)
 
 
-def copied(folder: Path, empty: bool) -> Path:
+def copy_tree(folder: Path, empty: bool) -> Path:
     """The repository's files in FOLDER/tree, with our FMUs, or (`empty`) empty ones."""
     tree = folder / "tree"
     if tree.exists():
@@ -443,24 +443,25 @@ def _too_long(*_: object) -> None:
     raise TimeoutError("too long for a quick test")
 
 
-def mapped(tree: Path, folder: Path, part: Part, until: float) -> bool:
+def write_maps(tree: Path, folder: Path, part: Part, until: float) -> bool:
     """Write FOLDER/map.FILE.json for each file of tests; True where all are there."""
     for file in find_test_files(tree, part):
-        saved = map_of(folder, file)
-        if saved.exists():
+        map_file = map_of(folder, file)
+        if map_file.exists():
             continue
         if time.time() > until:
             return False
         for _ in range(2):  # the limit of a test may end it where coverage holds a lock
             if (pid := os.fork()) == 0:
-                _quiet(saved.with_suffix(".log"), 240)
-                os._exit(_map_file(tree, part, file, saved))
-            if waited(pid, 400.0) is not None:
+                _quiet(map_file.with_suffix(".log"), 240)
+                os._exit(_map_file(tree, part, file, map_file))
+            if wait_for(pid, 400.0) is not None:
                 break
-        if not saved.exists():
-            saved.write_text("{}")
+        if not map_file.exists():
+            map_file.write_text("{}")
         print(
-            f"{file.stem}: {len(json.loads(saved.read_text()))} quick tests", flush=True
+            f"{file.stem}: {len(json.loads(map_file.read_text()))} quick tests",
+            flush=True,
         )
     return True
 
@@ -479,8 +480,8 @@ def _map_file(tree: Path, part: Part, file: Path, stored_values: Path) -> int:
     for test, name, line in sorted(ran):
         if test in plugin.passed:
             lines.setdefault(test, {}).setdefault(name, []).append(line)
-    found = {t: {"s": plugin.seconds[t], "lines": v} for t, v in lines.items()}
-    stored_values.write_text(json.dumps(found))
+    test_lines = {t: {"s": plugin.seconds[t], "lines": v} for t, v in lines.items()}
+    stored_values.write_text(json.dumps(test_lines))
     return int(code)
 
 
@@ -496,14 +497,14 @@ QUIET = [
 ]
 
 
-def waited(pid: int, seconds: float) -> int | None:
+def wait_for(pid: int, seconds: float) -> int | None:
     """How a forked child ended; None where it did not for so long, and was killed with
     its group, as it is where this process is told to end."""
     until = time.time() + seconds
     try:
         while time.time() < until:
-            done, status = os.waitpid(pid, os.WNOHANG)
-            if done:
+            ended_pid, status = os.waitpid(pid, os.WNOHANG)
+            if ended_pid:
                 pid = 0
                 return os.waitstatus_to_exitcode(status)
             time.sleep(0.02)
@@ -531,19 +532,19 @@ def _quiet(log: Path, seconds: int) -> None:
 
 def places_of(text: str) -> list[tuple[str, int, int]]:
     """Name, first and last line of the functions and of the constants of a module."""
-    parsed = ast.parse(text)
-    found = [(n.name, n) for n in ast.walk(parsed) if isinstance(n, ast.FunctionDef)]
-    found += [
+    tree = ast.parse(text)
+    places = [(n.name, n) for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)]
+    places += [
         (t.id, n)
-        for n in parsed.body
+        for n in tree.body
         if isinstance(n, ast.Assign)
         for t in n.targets
         if isinstance(t, ast.Name)
     ]  # type: ignore[misc]
-    return [(name, n.lineno, n.end_lineno or 0) for name, n in found]
+    return [(name, n.lineno, n.end_lineno or 0) for name, n in places]
 
 
-def listed(tree: Path, part: Part) -> list[tuple[str, int, str, int]]:
+def list_mutations(tree: Path, part: Part) -> list[tuple[str, int, str, int]]:
     """All mutations of a part: file, line, operator, which of its places. Raises
     ValueError for a name in `functions` that its file has not: it was renamed."""
     from cosmic_ray.ast import ast_nodes, get_ast
@@ -555,35 +556,37 @@ def listed(tree: Path, part: Part) -> list[tuple[str, int, str, int]]:
         }
         if missing := set(names) - has:
             raise ValueError(f"{file} has no {', '.join(sorted(missing))}")
-    found = []
+    mutations = []
     for path in sorted(p for f in part.folders for p in (tree / f).rglob("*.py")):
         text, file = path.read_text(encoding="utf-8"), str(path.relative_to(tree))
-        parsed = get_ast(text)
+        module_tree = get_ast(text)
         places = places_of(text)
         lines = landed_lines(text, part.release) if part.release else None
-        nodes = list(ast_nodes(parsed))
+        nodes = list(ast_nodes(module_tree))
         for name in OPERATORS:
             operator, k = get_operator(f"core/{name}")(), 0
             for node in nodes:
                 for (line, _), _ in operator.mutation_positions(node):
                     counts = lines is None or line in lines
                     if counts and part.has(file, line, places):
-                        found.append((file, line, name, k))
+                        mutations.append((file, line, name, k))
                     k += 1
-    return sorted(found)
+    return sorted(mutations)
 
 
-def drawn(tree: Path, part: Part) -> dict[str, Any]:
+def draw_sample(tree: Path, part: Part) -> dict[str, Any]:
     """A sample (or all) without those that change nothing, in the order in which it is
     run: so the first of them are a sample, too."""
     from cosmic_ray.mutating import mutate_code
     from cosmic_ray.plugins import get_operator
 
-    every, rng, sample = listed(tree, part), random.Random(SEED), []
-    taken = rng.sample(every, len(every) if part.sample is None else part.sample)
+    every, rng, sample = list_mutations(tree, part), random.Random(SEED), []
+    sample_entries = rng.sample(
+        every, len(every) if part.sample is None else part.sample
+    )
     if part.sample is None:
-        taken.sort(key=lambda entry: DECIDES.search(entry[2]) is None)
-    for path, line, name, k in taken:
+        sample_entries.sort(key=lambda entry: DECIDES.search(entry[2]) is None)
+    for path, line, name, k in sample_entries:
         old = (tree / path).read_text(encoding="utf-8")
         new = mutate_code(old, get_operator(f"core/{name}")(), k)
         try:
@@ -607,10 +610,15 @@ def drawn(tree: Path, part: Part) -> dict[str, Any]:
                 "is": change[-1][1:].strip(),
             }
         )
-    return {"seed": SEED, "drawn": len(taken), "of": len(every), "mutations": sample}
+    return {
+        "seed": SEED,
+        "drawn": len(sample_entries),
+        "of": len(every),
+        "mutations": sample,
+    }
 
 
-def renewed(tree: Path, part: Part, old: dict[str, Any]) -> dict[str, Any]:
+def renew_sample(tree: Path, part: Part, old: dict[str, Any]) -> dict[str, Any]:
     """All drawn anew, of today's code. What was said of a mutation stays: why it
     changes nothing or is open, and the tests that were added for it; where its function
     has not changed, how it ended, too; what lived of what landed runs again."""
@@ -621,23 +629,25 @@ def renewed(tree: Path, part: Part, old: dict[str, Any]) -> dict[str, Any]:
         (tree / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(path, tree / name)
     of = ("file", "operator", "was", "is")
-    new, stored_samples = drawn(tree, part), {}
+    new, stored_samples = draw_sample(tree, part), {}
     for m in old["mutations"]:
         stored_samples.setdefault(tuple(m[k] for k in of), []).append(m)
     for m in new["mutations"]:
-        known = (stored_samples.get(tuple(m[k] for k in of)) or [{}]).pop(0)
+        old_entry = (stored_samples.get(tuple(m[k] for k in of)) or [{}]).pop(0)
         text = (tree / m["file"]).read_text()
         around = [(a, b) for _, a, b in places_of(text) if a <= m["line"] <= b]
         a, b = max(around, default=(1, -1))  # the innermost; else the file
         same = "\n".join(text.split("\n")[a - 1 : b]) in before[m["file"]]
-        stays = same and (not part.release or known.get("by"))
-        ended = {"tests", "all", "outcome", "by"} if stays else set()
-        stated = {"equivalent", "why", "also", "added"}
-        m.update({k: v for k, v in known.items() if k in stated | ended})
+        stays = same and (not part.release or old_entry.get("by"))
+        outcome_keys = {"tests", "all", "outcome", "by"} if stays else set()
+        stated_keys = {"equivalent", "why", "also", "added"}
+        m.update(
+            {k: v for k, v in old_entry.items() if k in stated_keys | outcome_keys}
+        )
     return {**new, **{k: old[k] for k in ("controls", "date", "versions") if k in old}}
 
 
-def mutated(tree: Path, m: dict[str, Any]) -> str:
+def mutate_text(tree: Path, m: dict[str, Any]) -> str:
     """The file's text with the mutation."""
     from cosmic_ray.mutating import mutate_code
     from cosmic_ray.plugins import get_operator
@@ -649,7 +659,7 @@ def mutated(tree: Path, m: dict[str, Any]) -> str:
 # --- one mutation ---------------------------------------------------------------------
 
 
-def chosen(
+def choose_tests(
     tree: Path,
     part: Part,
     m: dict[str, Any],
@@ -663,7 +673,7 @@ def chosen(
     file. Of a condition those that meet it and those that do not in turn."""
     source = (tree / m["file"]).read_text(encoding="utf-8")
     text = ast.parse(source)
-    inside, lines, met = False, {m["line"]}, set[int]()
+    inside, lines, branch_lines = False, {m["line"]}, set[int]()
     for node in ast.walk(text):
         if isinstance(node, ast.stmt) and node.lineno <= m["line"] <= (
             node.end_lineno or 0
@@ -671,7 +681,7 @@ def chosen(
             if isinstance(node, ast.FunctionDef):
                 inside = inside or node.lineno < m["line"]
             elif isinstance(node, ast.If) and m["line"] < node.body[0].lineno:
-                met = {
+                branch_lines = {
                     n.lineno
                     for x in node.body
                     for n in ast.walk(x)
@@ -704,15 +714,17 @@ def chosen(
             tests[t]["s"],
         )
     )
-    others = [t for t in names if not runs[t] & met]
-    if met and others and len(others) < len(names):
-        both = ([t for t in names if runs[t] & met], others)
+    others = [t for t in names if not runs[t] & branch_lines]
+    if branch_lines and others and len(others) < len(names):
+        both = ([t for t in names if runs[t] & branch_lines], others)
         names = [t for pair in zip_longest(*both) for t in pair if t]
-    out, seen, spent = [], {}, 0.0
+    out, test_counts, spent = [], {}, 0.0
     for name in names:
         function = name.partition("[")[0]
-        seen[function] = seen.get(function, 0) + 1
-        if not every and (seen[function] > 3 or spent + tests[name]["s"] > BUDGET):
+        test_counts[function] = test_counts.get(function, 0) + 1
+        if not every and (
+            test_counts[function] > 3 or spent + tests[name]["s"] > BUDGET
+        ):
             continue
         spent += tests[name]["s"]
         out.append(name)
@@ -721,11 +733,11 @@ def chosen(
     if not part.empty:
         return out
     module = Path(m["file"]).stem
-    named = re.compile(rf"\b({module}|{module.title().replace('_', '')})\b")
+    module_pattern = re.compile(rf"\b({module}|{module.title().replace('_', '')})\b")
     full = [
         str(file.relative_to(tree))
         for file in find_test_files(tree, part)
-        if named.search(file.read_text(encoding="utf-8"))
+        if module_pattern.search(file.read_text(encoding="utf-8"))
     ]
     own_value = [x for x in out if x.partition("::")[0] not in full]
     return [PUBLISHED, *own_value, *full]
@@ -741,7 +753,7 @@ PUBLISHED = "tests/fmus/test_fmus.py::test_interfaces_page_is_current"
 """Names, units, defaults and bounds of all variables, as a user reads them."""
 
 
-def tried(
+def try_tests(
     tree: Path, m: dict[str, Any], names: list[str], log: Path, text: str, limit: int
 ) -> str:
     """Run tests with a file's text replaced, for so many seconds of processor time
@@ -750,8 +762,8 @@ def tried(
 
     path = tree / m["file"]
     old = path.read_text(encoding="utf-8")
-    compiled = list((path.parent / "__pycache__").glob(f"{path.stem}.*.pyc"))
-    for file in compiled:
+    bytecode_files = list((path.parent / "__pycache__").glob(f"{path.stem}.*.pyc"))
+    for file in bytecode_files:
         file.unlink()
     path.write_text(text, encoding="utf-8")
     sys.stdout.flush()
@@ -760,7 +772,7 @@ def tried(
             sys.dont_write_bytecode = True
             os.environ["PYTHONDONTWRITEBYTECODE"] = "1"  # nor what is started from it
             _quiet(log, limit)
-            if not replaced(m, text):
+            if not replace_text(m, text):
                 for name in [
                     n for n in sys.modules if n.partition(".")[0] in ("desat", "tests")
                 ]:
@@ -768,7 +780,7 @@ def tried(
             code = int(pytest.main([*QUIET, "-x", *names]))
             sys.stdout.flush()
             os._exit(code)
-        status = waited(pid, 2.0 * limit)
+        status = wait_for(pid, 2.0 * limit)
     finally:
         path.write_text(old, encoding="utf-8")
     if status == 0:
@@ -778,11 +790,11 @@ def tried(
     broken = (
         "while loading conftest" in log.read_text()
     )  # the blocks cannot even be imported
-    killed = status in (1, 2) or (status == 4 and broken)
-    return "killed" if killed else f"pytest ended with {status}"
+    is_killed = status in (1, 2) or (status == 4 and broken)
+    return "killed" if is_killed else f"pytest ended with {status}"
 
 
-def replaced(m: dict[str, Any], text: str) -> bool:
+def replace_text(m: dict[str, Any], text: str) -> bool:
     """Give the function of a mutation, imported already, the code of the file's text:
     so nothing is imported anew. False where the line is run at import."""
     path = []
@@ -821,7 +833,7 @@ def replaced(m: dict[str, Any], text: str) -> bool:
     return True
 
 
-def judged(
+def judge_mutation(
     tree: Path,
     m: dict[str, Any],
     names: list[str],
@@ -836,7 +848,7 @@ def judged(
         names = [n for n in names if not ruled_out.get((m["file"], n))]
         if not names:
             return "no quick test runs it", ""
-        outcome = tried(tree, m, names, log, mutated(tree, m), limit)
+        outcome = try_tests(tree, m, names, log, mutate_text(tree, m), limit)
         if outcome != "killed":
             return outcome, ""
         line = failing(log)
@@ -846,8 +858,10 @@ def judged(
             default=line,
         )
         if "::" in by and (m["file"], by) not in ruled_out:
-            unmutated = tried(tree, m, [by], log.with_name("log.c"), control, limit)
-            ruled_out[m["file"], by] = unmutated != "survived"
+            control_outcome = try_tests(
+                tree, m, [by], log.with_name("log.c"), control, limit
+            )
+            ruled_out[m["file"], by] = control_outcome != "survived"
         if not ruled_out.get((m["file"], by)):
             return outcome, by
         if by not in names:  # of a whole file: without it
@@ -859,10 +873,10 @@ def judged(
 
 def failing(log: Path) -> str:
     """The first test that failed, as pytest's summary names it."""
-    found = re.search(
+    summary_line = re.search(
         r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", log.read_text(), re.MULTILINE
     )
-    return found[1] if found else "?"
+    return summary_line[1] if summary_line else "?"
 
 
 # --- the page -------------------------------------------------------------------------
@@ -871,13 +885,13 @@ def failing(log: Path) -> str:
 def score(result: dict[str, Any]) -> dict[str, Any]:
     """How many of a sample ran, are killed, are no mutations, are open; and the score."""
     ran = [m for m in result["mutations"] if "outcome" in m]
-    killed = [m for m in ran if m["outcome"].startswith("killed")]
+    killed_mutations = [m for m in ran if m["outcome"].startswith("killed")]
     equal = [m for m in ran if m.get("equivalent")]
     return {
         "ran": len(ran),
-        "killed": len(killed),
+        "killed": len(killed_mutations),
         "equivalent": len(equal),
-        "open": [m for m in ran if m not in killed and m not in equal],
+        "open": [m for m in ran if m not in killed_mutations and m not in equal],
         "slow": sum(m["outcome"] == "killed: too long" for m in ran),
     }
 
@@ -890,7 +904,7 @@ def section(part: Part, result: dict[str, Any]) -> list[str]:
     real = n["ran"] - n["equivalent"]
     low, high = clopper_pearson(n["killed"], real)
     of = result.get("controls", {})
-    added = sum(bool(m.get("added")) for m in result["mutations"])
+    added_count = sum(bool(m.get("added")) for m in result["mutations"])
     once = sum(not m.get("all") for m in n["open"])
     places = ", ".join(f"`{f}/`" for f in part.folders)
     order = (
@@ -898,7 +912,7 @@ def section(part: Part, result: dict[str, Any]) -> list[str]:
         if part.sample is not None
         else "comparisons and conditions first"
     )
-    drawn = (
+    sample_text = (
         f"{result['drawn']:,} were drawn at random with seed {result['seed']} of the "
         f"{result['of']:,} mutations of {places}"
         if part.sample is not None
@@ -906,7 +920,9 @@ def section(part: Part, result: dict[str, Any]) -> list[str]:
         "`tests/mutations.py`) count"
     )
     if part.sample is not None and part.functions:
-        drawn += ", but for functions that decide a verdict, an exit code or a bound"
+        sample_text += (
+            ", but for functions that decide a verdict, an exit code or a bound"
+        )
     versions = result.get("versions", {}).items()
     message = (
         f" ({', '.join(f'{name} {x}' for name, x in versions)})" if versions else ""
@@ -923,7 +939,7 @@ def section(part: Part, result: dict[str, Any]) -> list[str]:
             else "."
         ),
         "",
-        f"{drawn}; {len(result['mutations'])} of these change the code, and "
+        f"{sample_text}; {len(result['mutations'])} of these change the code, and "
         + (
             f"{n['ran']} of them, {order},"
             if n["ran"] < len(result["mutations"])
@@ -931,7 +947,7 @@ def section(part: Part, result: dict[str, Any]) -> list[str]:
         )
         + f" ran on {result['date']}{message}. {bare if part.empty else ''}"
         f"{once} of the open ones ran against {MOST} quick tests only, not yet against all. "
-        f"{added} were not killed by any test and are now, by tests "
+        f"{added_count} were not killed by any test and are now, by tests "
         "that were added for them. Controls, the same tests with nothing mutated: "
         f"{sum(v == 'survived' for v in of.values())} of {len(of)} passed"
         + "".join(f"; no. {k}: {v}" for k, v in of.items() if v != "survived")
@@ -976,7 +992,7 @@ def section(part: Part, result: dict[str, Any]) -> list[str]:
     return [*lines, ""]
 
 
-def page(stored: Mapping[str, Any]) -> str:
+def page(stored_results: Mapping[str, Any]) -> str:
     """docs/mutations.md."""
     lines = [
         "# Mutations",
@@ -992,8 +1008,8 @@ def page(stored: Mapping[str, Any]) -> str:
         "numbers are those of the code that ran.",
         "",
     ]
-    for name in (x for x in stored if x in PARTS):
-        lines += section(PARTS[name], stored[name])
+    for name in (x for x in stored_results if x in PARTS):
+        lines += section(PARTS[name], stored_results[name])
     return "\n".join([*lines, NAMED])
 
 
@@ -1032,18 +1048,18 @@ def main() -> int:
         PARTS[arguments.part],
     )
     if arguments.landed:
-        name, part = f"{name} since the last release", landed(part)
+        name, part = f"{name} since the last release", restrict_to_new_code(part)
     folder.mkdir(parents=True, exist_ok=True)
-    tree = copied(folder, part.empty)
+    tree = copy_tree(folder, part.empty)
     os.environ["DESAT_CACHE"] = str(folder / "cache")
     os.environ["PYTHONPATH"] = str(tree / ".names")
     os.chdir(tree)
     sys.path[:0] = [str(tree / ".names"), str(tree)]
     _warm()
-    result = _stored().get(name)
+    result = _read_results().get(name)
     if result is None or arguments.anew:
-        result = renewed(tree, part, result or {"mutations": []})
-    if arguments.seconds and not mapped(tree, folder, part, until):
+        result = renew_sample(tree, part, result or {"mutations": []})
+    if arguments.seconds and not write_maps(tree, folder, part, until):
         print("which test runs which line is not known yet: call it again")
         return 0
     tests: dict[str, Any] = {}
@@ -1056,14 +1072,14 @@ def main() -> int:
     kills = Counter((m["file"], m["by"]) for m in result["mutations"] if m.get("by"))
     for k, m in enumerate(result["mutations"]):
         remaining = m.get("outcome", "") in ("survived", "no quick test runs it")
-        expected = (
+        needs_all = (
             remaining and arguments.all and not (m.get("all") or m.get("equivalent"))
         )
-        if time.time() > until or ("outcome" in m and not expected):
+        if time.time() > until or ("outcome" in m and not needs_all):
             continue
         names = [
             *m.get("also", ()),
-            *chosen(tree, part, m, tests, arguments.all, kills),
+            *choose_tests(tree, part, m, tests, arguments.all, kills),
         ]
         m["tests"], m["all"] = len(names), arguments.all
         mapped_as = (
@@ -1072,29 +1088,31 @@ def main() -> int:
             if t in names or t.partition("[")[0] in names
         )
         limit = int((1 if part.sample is None else 5) * CPU + 3 * sum(mapped_as))
-        m["outcome"], m["by"] = judged(
+        m["outcome"], m["by"] = judge_mutation(
             tree, m, names, folder / f"log.{k}", limit, ruled_out
         )
         kills[m["file"], m["by"]] += 1
         if names and k % 10 == 0:  # a control: the same tests, nothing mutated
             text = (tree / m["file"]).read_text(encoding="utf-8") + "\nCONTROL = 1\n"
-            saved = [n for n in names if not ruled_out.get((m["file"], n))]
-            ended = tried(tree, m, saved, folder / "log.c", text, limit)
-            if ended != "survived":  # by which test, and whether it does so again
-                ended += f" by {failing(folder / 'log.c')}, then "
-                ended += tried(tree, m, saved, folder / "log.c", text, limit)
-            result.setdefault("controls", {})[str(k)] = ended
+            named_tests = [n for n in names if not ruled_out.get((m["file"], n))]
+            outcome = try_tests(tree, m, named_tests, folder / "log.c", text, limit)
+            if outcome != "survived":  # by which test, and whether it does so again
+                outcome += f" by {failing(folder / 'log.c')}, then "
+                outcome += try_tests(
+                    tree, m, named_tests, folder / "log.c", text, limit
+                )
+            result.setdefault("controls", {})[str(k)] = outcome
         result["date"] = f"{datetime.now(UTC):%Y-%m-%d}"
         result["versions"] = _versions()
         STORED.parent.mkdir(exist_ok=True)
         new = STORED.with_suffix(f".{arguments.part}")
-        new.write_text(json.dumps({**_stored(), name: result}, indent=1) + "\n")
+        new.write_text(json.dumps({**_read_results(), name: result}, indent=1) + "\n")
         new.replace(STORED)
         print(k, m["file"], m["line"], m["outcome"], m["by"], flush=True)
     if arguments.landed:
         print_living(result)
     elif any("outcome" in m for m in result["mutations"]):
-        PAGE.write_text(page(_stored()), encoding="utf-8")
+        PAGE.write_text(page(_read_results()), encoding="utf-8")
     return 0
 
 
@@ -1116,7 +1134,7 @@ def _versions() -> dict[str, str]:
     }
 
 
-def _stored() -> dict[str, Any]:
+def _read_results() -> dict[str, Any]:
     """Results by part; other parts may run meanwhile."""
     return dict(json.loads(STORED.read_text())) if STORED.exists() else {}
 

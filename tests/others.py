@@ -35,7 +35,7 @@ from desat.engine.recording.results import Results  # noqa: E402
 from desat.export.packing import pack  # noqa: E402
 from desat.runs.run import Options, prepare  # noqa: E402
 from tests.engine.test_failures import FAILURES as WAYS  # noqa: E402
-from tests.engine.test_failures import compiled, fmu, ssd  # noqa: E402
+from tests.engine.test_failures import compile_failing, fmu, ssd  # noqa: E402
 
 PATIENCE = 10.0
 """A process that has not ended after so long (s) is killed."""
@@ -78,7 +78,7 @@ PACKAGES = {
 SOURCE = b'source="resources/bad.fmu"'
 
 
-def packed(failure: str, folder: Path, binary: bytes) -> Path:
+def write_system(failure: str, folder: Path, binary: bytes) -> Path:
     """The system with the FMU that fails so, as .ssp."""
     fmu(folder / "resources/failing.fmu", binary)
     (folder / "SystemStructure.ssd").write_text(ssd())
@@ -100,11 +100,12 @@ def through_proxy(path: Path, folder: Path) -> tuple[str, Path, dict[str, str]]:
     with zipfile.ZipFile(path) as original, zipfile.ZipFile(system, "w") as archive:
         for name in original.namelist():
             data = original.read(name)
-            proxied = SOURCE.replace(
+            proxy_source = SOURCE.replace(
                 b"resources", b"proxyfmu://localhost?file=resources"
             )
             archive.writestr(
-                name, data.replace(SOURCE, proxied) if name.endswith(".ssd") else data
+                name,
+                data.replace(SOURCE, proxy_source) if name.endswith(".ssd") else data,
             )
     environment = {
         "PYTHONHOME": sys.base_prefix,
@@ -162,17 +163,17 @@ def outcome(tool: str, path: Path, folder: Path) -> dict[str, Any]:
     try:
         out, _ = process.communicate(timeout=PATIENCE)
         number = process.returncode
-        ended = describe_exit(-number if number < 0 else number << 8)
+        ending = describe_exit(-number if number < 0 else number << 8)
     except subprocess.TimeoutExpired:
-        ended = "waits"
+        ending = "waits"
     with contextlib.suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)  # also what it has started
-    if ended == "waits":
+    if ending == "waits":
         out, _ = process.communicate()
     rows = [x.split()[1:] for x in out.splitlines() if x.startswith("ROW ")]
     values = [float(r[1]) for r in rows]
     return {
-        "ended": ended,
+        "ended": ending,
         "rows": len(rows),
         "refused": sum(r[0] == "False" for r in rows),
         "wrong": sum(x != k + 1.0 for k, x in enumerate(values)),
@@ -183,14 +184,16 @@ def all_of(tool: str, failures: Iterable[str] = FAILURES) -> dict[str, dict[str,
     """What came of each failure in a tool. `rows`: the steps that were made, of them
     `refused` those of which it said that they failed, `wrong` those whose value is not
     that of their time."""
-    found = {}
+    outcomes = {}
     with tempfile.TemporaryDirectory() as directory:
-        binary = compiled(Path(directory))
+        binary = compile_failing(Path(directory))
         for failure in failures:
             folder = Path(directory) / failure
             folder.mkdir()
-            found[failure] = outcome(tool, packed(failure, folder, binary), folder)
-    return found
+            outcomes[failure] = outcome(
+                tool, write_system(failure, folder, binary), folder
+            )
+    return outcomes
 
 
 def main() -> None:
@@ -201,8 +204,8 @@ def main() -> None:
         if importlib.util.find_spec(package) is None:
             print(f"{tool}: {package} is not installed")
             continue
-        for failure, found in (results := all_of(tool)).items():
-            print(f"{tool}: {FAILURES[failure]}: {found}", flush=True)
+        for failure, failure_outcome in (results := all_of(tool)).items():
+            print(f"{tool}: {FAILURES[failure]}: {failure_outcome}", flush=True)
         if keep:
             seen.keep("others", tool, {"version": version(package), **results})
 

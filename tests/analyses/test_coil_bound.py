@@ -51,11 +51,11 @@ def test_no_run_takes_less_than_its_bound(tmp_path, facts: dict[str, Any], sets)
     every = round(course.dt / run.manifest.step)
     ends = slice(every, every * len(along) + 1, every)
     assert along == pytest.approx(shared[ends], abs=1e-9), "the run is a candidate"
-    found = coil_bound.of_run(run.manifest, run.results)
-    assert found.least is not None
-    assert 0.0 < found.least < found.energy
-    assert found.above_percent == pytest.approx(
-        100.0 * (found.energy / found.least - 1.0)
+    energy_bound = coil_bound.of_run(run.manifest, run.results)
+    assert energy_bound.least is not None
+    assert 0.0 < energy_bound.least < energy_bound.energy
+    assert energy_bound.above_percent == pytest.approx(
+        100.0 * (energy_bound.energy / energy_bound.least - 1.0)
     )
 
 

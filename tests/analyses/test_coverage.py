@@ -89,12 +89,14 @@ def test_a_saturating_wheel(command, h0):
         }
     ).plant
     y, full = plant.start_state(), 140.0 / K
-    y, held, (_, there) = advance(plant, 0.0, 900.0, y, Held((command, 0.0, 0.0, 0.0)))
+    y, wheel_state, (_, there) = advance(
+        plant, 0.0, 900.0, y, Held((command, 0.0, 0.0, 0.0))
+    )
     assert h0 + motor(command, there.begin) == pytest.approx(full, abs=1e-12)
     assert y[H] == pytest.approx([full, 0.0, 0.0, 0.0], rel=1e-12)
     assert inertial(plant, y) == pytest.approx([0.0] * 3, abs=1e-13)
-    back = Held((-command, 0.0, 0.0, 0.0), pinned=held.pinned)
-    y, held, (there, _) = advance(plant, 900.0, 910.0, y, back)
+    back = Held((-command, 0.0, 0.0, 0.0), pinned=wheel_state.pinned)
+    y, wheel_state, (there, _) = advance(plant, 900.0, 910.0, y, back)
     assert there.end - 900.0 == pytest.approx(0.3 * math.log(2.0), abs=1e-9)
     # from there on its torque goes from zero to the command, as from the start
     remaining = motor(command, 910.0 - there.end)
@@ -113,13 +115,13 @@ def test_a_full_wheel_on_a_turning_body():
     ).plant
     y = plant.start_state()
     start, momenta = inertial(plant, y), []
-    held, t = Held((0.02, 0.0, -0.01, 0.0)), 0.0
+    wheel_state, t = Held((0.02, 0.0, -0.01, 0.0)), 0.0
     for t in range(60):
-        y, held, _ = advance(plant, float(t), t + 1.0, y, held)
-        omega, h = plant.motion(t + 1.0, y, held)
+        y, wheel_state, _ = advance(plant, float(t), t + 1.0, y, wheel_state)
+        omega, h = plant.motion(t + 1.0, y, wheel_state)
         assert min(plant.margin(i, omega, h) for i in range(3)) > -1e-12
         momenta.append(h[0])
-    assert held.pinned == (1, 0, -1, 0)
+    assert wheel_state.pinned == (1, 0, -1, 0)
     assert inertial(plant, y) == pytest.approx(start, abs=1e-11)
     assert np.ptp(momenta[-20:]) > 1e-6
 
@@ -183,14 +185,14 @@ def test_a_standing_wheel_breaks_loose():
         }
     ).plant
     y = plant.start_state()
-    held = replace(plant.start_held(), command=(0.01, 0.0, 0.0, 0.0))
-    y, held, (still, _) = advance(plant, 0.0, 4.0, y, held)
+    wheel_state = replace(plant.start_held(), command=(0.01, 0.0, 0.0, 0.0))
+    y, wheel_state, (still, _) = advance(plant, 0.0, 4.0, y, wheel_state)
     loose = -0.3 * math.log(1.0 - 0.8)
     assert still.end == pytest.approx(loose, abs=1e-12)
     h = motor(0.01, 4.0) - motor(0.01, loose) - 5e-3 * (4.0 - loose)
     assert y[H] == pytest.approx([h, 0.0, 0.0, 0.0], abs=1e-14)
-    y, held, (moving, there) = advance(
-        plant, 4.0, 14.0, y, replace(held, command=(0.0,) * 4)
+    y, wheel_state, (moving, there) = advance(
+        plant, 4.0, 14.0, y, replace(wheel_state, command=(0.0,) * 4)
     )
     # the motor's torque dies out against friction
     torque, t = 0.01 * -math.expm1(-4.0 / 0.3), moving.end - 4.0
@@ -351,8 +353,8 @@ def case(request):
     warnings."""
     name = f"gyrostat/{request.param}"
     options = Options(blocks=True)
-    prepared = prepare(name, options)
-    system, _ = prepared.or_raise()
+    scenario_case = prepare(name, options)
+    system, _ = scenario_case.or_raise()
     ideal = Gyrostat(system).ideal()
     finer = convergence.fly(name, estimate.companion(system, options))
     run = convergence.fly(name, options)
@@ -361,19 +363,19 @@ def case(request):
     truth, single = (
         estimate.difference(f.q, f.h, ideal.q, ideal.h)[0] for f in (run, once)
     )
-    estimated = estimate.estimate(run.q, run.h, finer.q, finer.h)[0]
-    return request.param, truth, single, estimated, prepared.warnings
+    error_estimate = estimate.estimate(run.q, run.h, finer.q, finer.h)[0]
+    return request.param, truth, single, error_estimate, scenario_case.warnings
 
 
 @pytest.mark.slow
 def test_a_case_of_the_exchange(case):
-    name, truth, single, estimated, warnings = case
-    was, promised = CASES[name]
-    assert truth <= promised
+    name, truth, single, error_estimate, warnings = case
+    was, error_bound = CASES[name]
+    assert truth <= error_bound
     assert single <= 2.0 * was
-    assert 0.2 <= estimated / truth <= 5.0, name
-    known = ("no wheel gives torque", "attitude control")
-    assert not [w for w in warnings if not any(x in w for x in known)]
+    assert 0.2 <= error_estimate / truth <= 5.0, name
+    harmless_warnings = ("no wheel gives torque", "attitude control")
+    assert not [w for w in warnings if not any(x in w for x in harmless_warnings)]
 
 
 unit = st.floats(-1.0, 1.0)
@@ -422,28 +424,30 @@ def test_the_estimate_of_any_craft(values):
     run = convergence.fly(name, options)
     finer = convergence.fly(name, estimate.companion(system, options))
     truth = estimate.difference(run.q, run.h, ideal.q, ideal.h)[0]
-    estimated = estimate.estimate(run.q, run.h, finer.q, finer.h)[0]
+    error_estimate = estimate.estimate(run.q, run.h, finer.q, finer.h)[0]
     # below the rounding of the angle between two quaternions there is nothing to
     # estimate
-    assert truth < 1e-13 or 0.1 <= estimated / truth <= 10.0
+    assert truth < 1e-13 or 0.1 <= error_estimate / truth <= 10.0
 
 
 def test_the_limits_are_what_the_cases_reach():
     runs = [(name, None) for name in (*CASES, "stress")]
     runs += [(name, 1) for name in ("light", "zero-crossing", "saturating", "pulses")]
-    reached = []
+    bounds = []
     for name, substeps in runs:
         case = prepare(f"gyrostat/{name}", Options(blocks=True, substeps=substeps))
-        reached.append(coverage.bound(case.or_raise()[0]))
+        bounds.append(coverage.bound(case.or_raise()[0]))
     for f in fields(coverage.StepCriteria):
         limit = getattr(coverage.LIMITS, f.name)
-        assert 0.9 * limit <= max(getattr(b, f.name) for b in reached) <= limit
+        assert 0.9 * limit <= max(getattr(b, f.name) for b in bounds) <= limit
 
 
 def of_range(options):
     """The warnings of a run, but for values that are not usual and an unstable loop."""
-    found = prepare("gyrostat/full", options).warnings
-    return [w for w in found if ": usual is" not in w and "attitude control" not in w]
+    warnings = prepare("gyrostat/full", options).warnings
+    return [
+        w for w in warnings if ": usual is" not in w and "attitude control" not in w
+    ]
 
 
 def test_a_run_beyond_the_cases_warns():
@@ -526,10 +530,10 @@ def test_it_refuses_other_wires():
 @pytest.mark.slow
 def test_convergence_has_estimates():
     options = Options(blocks=True, substeps=1)
-    found = convergence.study(
+    study = convergence.study(
         "gyrostat/slow-samples", options, (10.0, 5.0), ("gauss_seidel",)
     )
-    rows = found["rows"]
+    rows = study["rows"]
     assert [r["step"] for r in rows] == [10.0, 5.0]
     for row in rows:
         assert 0.2 < row["estimate"] / row["attitude_error"] < 5.0
@@ -568,15 +572,15 @@ PARTS = coverage.StepParts(
 )
 
 
-def remarked(
-    turning=0.0, pushed=0.0, h=0.0, last=0.0, unbalance=0.0, lacking=(), **message
+def collect_remarks(
+    turning=0.0, kick=0.0, h=0.0, last=0.0, unbalance=0.0, lacking=(), **message
 ):
     """Remarks about rows of a body that reached so much, of wheels with momenta h to
     `last`."""
-    found = coverage.Reached(
+    extremes = coverage.Reached(
         np.array([0.0, 1.0, 2.0]),
         np.array([0.0, turning, 0.0]),
-        np.array([0.0, pushed]),
+        np.array([0.0, kick]),
         np.zeros(1),
     )
     results = SimpleNamespace(
@@ -593,18 +597,20 @@ def remarked(
     vars(manifest).update(message)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            coverage, "of_run", lambda parts, results: None if lacking else found
+            coverage, "of_run", lambda parts, results: None if lacking else extremes
         )
         return coverage.remarks(manifest, results)
 
 
 def test_a_run_says_where_it_left_the_range():
     turn, kick = 0.46 / 0.5, 0.0103 / 0.25
-    assert remarked(turn, kick) == []
-    assert remarked(0.46 * (1.0 + 1e-9) / 0.5, 0.0103 * (1.0 + 1e-9) / 0.25) == []
-    assert remarked(2.0 * turn, 2.0 * kick, lacking=["a.q"]) == []
-    assert remarked(2.0 * turn, 2.0 * kick, algorithm="jacobi") == []
-    line, other = remarked(turn * (1.0 + 3e-9), kick * (1.0 + 3e-9))
+    assert collect_remarks(turn, kick) == []
+    assert (
+        collect_remarks(0.46 * (1.0 + 1e-9) / 0.5, 0.0103 * (1.0 + 1e-9) / 0.25) == []
+    )
+    assert collect_remarks(2.0 * turn, 2.0 * kick, lacking=["a.q"]) == []
+    assert collect_remarks(2.0 * turn, 2.0 * kick, algorithm="jacobi") == []
+    line, other = collect_remarks(turn * (1.0 + 3e-9), kick * (1.0 + 3e-9))
     assert line.startswith(
         "at t = 1 s, turn and nutation in a substep: 0.46 rad, accuracy"
     )
@@ -616,23 +622,28 @@ def test_a_run_says_where_it_left_the_range():
 def test_a_run_says_how_much_the_jitter_of_faster_wheels_leaves():
     """8 unbalance Omega H / J of four wheels, where they turn once within a step and
     more."""
-    assert remarked(h=1.0, last=1.9, unbalance=1e-9) == []
-    assert remarked(h=1.0, last=2.0, unbalance=1e-9) == []
-    (line,) = remarked(h=1.0, last=2.1, unbalance=1e-9)
+    assert collect_remarks(h=1.0, last=1.9, unbalance=1e-9) == []
+    assert collect_remarks(h=1.0, last=2.0, unbalance=1e-9) == []
+    (line,) = collect_remarks(h=1.0, last=2.1, unbalance=1e-9)
     assert "attitude error of about 3.4e-06 rad, at their largest speeds" in line
-    assert remarked(h=0.0, last=2.1, unbalance=1e-10) == []
+    assert collect_remarks(h=0.0, last=2.1, unbalance=1e-10) == []
 
 
 def test_a_run_that_chose_says_what_it_could_not_look_at():
     flight = SubstepChoice(4, 1e-7, 5e-8, steps=30, reached=(1.0, 1.0, 1.0))
-    assert remarked(substep_choice=flight) == []
-    (line,) = remarked(substep_choice=flight, lacking=["a.w", "a.i"])
+    assert collect_remarks(substep_choice=flight) == []
+    (line,) = collect_remarks(substep_choice=flight, lacking=["a.w", "a.i"])
     assert line == (
         "its substeps are chosen by its first 30 steps, and not looked at again: "
         "not recorded: a.i, a.w"
     )
-    assert remarked(substep_choice=replace(flight, reached=None), lacking=["a.w"]) == []
-    assert remarked(substep_choice=flight, parts={coverage.KEY: None}) == []
+    assert (
+        collect_remarks(substep_choice=replace(flight, reached=None), lacking=["a.w"])
+        == []
+    )
+    assert collect_remarks(substep_choice=flight, parts={coverage.KEY: None}) == []
     far = {"turning": 9.0, "pushed": 9.0}
-    assert len(remarked(substep_choice=replace(flight, estimate=None), **far)) == 2
-    assert remarked(substep_choice=flight, **far) == []
+    assert (
+        len(collect_remarks(substep_choice=replace(flight, estimate=None), **far)) == 2
+    )
+    assert collect_remarks(substep_choice=flight, **far) == []

@@ -20,12 +20,12 @@ def numbers(name: str, **options):
 
 
 def test_energy_adds_up_without_external_torque():
-    found, run = numbers("gyrostat/free")
-    assert found["energy_mismatch"] < 1e-11
-    assert found["impulse_mismatch"] == 0.0
-    ((caption, drawn),) = energy.figures(run.manifest, run.results)
+    values, run = numbers("gyrostat/free")
+    assert values["energy_mismatch"] < 1e-11
+    assert values["impulse_mismatch"] == 0.0
+    ((caption, chart),) = energy.figures(run.manifest, run.results)
     assert caption.startswith("Energy mismatch")
-    assert "<svg" in drawn.svg()
+    assert "<svg" in chart.svg()
 
 
 def test_the_balance_is_of_order_six():
@@ -59,11 +59,11 @@ def test_impulse_is_what_the_neighbours_make_it(sets, share):
     """Field and dipole, gravity gradient, drag and radiation: all recomputed; where a
     plate turns into the flow or the light its torque has a kink, which a quadrature
     sees in second order."""
-    found, run = numbers("nadir_day/day-igrf", stop=600.0, sets=sets)
+    values, run = numbers("nadir_day/day-igrf", stop=600.0, sets=sets)
     impulse = np.linalg.norm(run.results.values("spacecraft.impulse_eci"), axis=1).max()
     assert impulse > 1e-3
-    assert found["impulse_mismatch"] < share * impulse
-    assert found["energy_mismatch"] < 1e-8
+    assert values["impulse_mismatch"] < share * impulse
+    assert values["energy_mismatch"] < 1e-8
 
 
 ALWAYS = [
@@ -78,10 +78,10 @@ ALWAYS = [
 def test_impulse_of_a_minute_is_what_the_neighbours_make_it(sets):
     """Each torque that a body may have beside the usual ones, large enough to be seen
     at once."""
-    found, run = numbers("nadir_day/day-igrf", stop=60.0, sets=sets)
+    values, run = numbers("nadir_day/day-igrf", stop=60.0, sets=sets)
     impulse = np.linalg.norm(run.results.values("spacecraft.impulse_eci"), axis=1).max()
     assert impulse > (1e-3 if sets is ALWAYS else 1e-6)
-    assert found["impulse_mismatch"] < 1e-8 * impulse
+    assert values["impulse_mismatch"] < 1e-8 * impulse
 
 
 def test_balances_go_on_from_block_to_block(monkeypatch):
@@ -99,18 +99,18 @@ def test_balances_go_on_from_block_to_block(monkeypatch):
 def test_a_wrong_torque_shows(monkeypatch):
     """The momentum residual takes the body's word for its impulse; this does not."""
     monkeypatch.setattr(rigid_body, "MU", 1.0001 * rigid_body.MU)
-    found, _ = numbers("plant/reference", stop=600.0)
-    assert found["momentum_residual"] < 1e-14
-    assert found["impulse_mismatch"] > 1e-8
+    values, _ = numbers("plant/reference", stop=600.0)
+    assert values["momentum_residual"] < 1e-14
+    assert values["impulse_mismatch"] > 1e-8
 
 
 def test_an_integrator_that_damps_shows(monkeypatch):
     """RK4 in the place of the method of order 8."""
     full = numbers("gyrostat/stress")[0]
     monkeypatch.setattr(spacecraft_rigid, "step8", spacecraft_rigid.step4)
-    damped = numbers("gyrostat/stress")[0]
-    assert damped["energy_mismatch"] > 100 * full["energy_mismatch"]
-    assert damped["momentum_residual"] < 1e-12
+    rk4 = numbers("gyrostat/stress")[0]
+    assert rk4["energy_mismatch"] > 100 * full["energy_mismatch"]
+    assert rk4["momentum_residual"] < 1e-12
 
 
 @pytest.mark.parametrize(
@@ -120,25 +120,25 @@ def test_an_integrator_that_damps_shows(monkeypatch):
 )
 def test_no_number_where_it_cannot_be_known(options):
     """A torque that acts a step late, series left out."""
-    found, run = numbers("gyrostat/free", stop=10.0, **options)
-    assert not {"energy_mismatch", "impulse_mismatch"} & set(found)
+    values, run = numbers("gyrostat/free", stop=10.0, **options)
+    assert not {"energy_mismatch", "impulse_mismatch"} & set(values)
     assert energy.figures(run.manifest, run.results) == []
 
 
 @pytest.mark.parametrize("every", [2, 3])
 def test_rows_left_out_are_no_steps(every):
     """The balance is made while it runs then, and has no course that could be shown."""
-    found, run = numbers("gyrostat/free", stop=30.0, every=every)
-    assert found["energy_mismatch"] < 1e-11
+    values, run = numbers("gyrostat/free", stop=30.0, every=every)
+    assert values["energy_mismatch"] < 1e-11
     assert list(energy.blocks_of(run.manifest, run.results)) == []
     assert energy.figures(run.manifest, run.results) == []
 
 
 def test_one_step_has_a_balance():
-    found, run = numbers("gyrostat/free", stop=0.5, step=0.5)
+    values, run = numbers("gyrostat/free", stop=0.5, step=0.5)
     assert len(run.results.times()) == 2
     assert len(list(energy.blocks_of(run.manifest, run.results))) == 1
-    assert found["energy_mismatch"] < 1e-12
+    assert values["energy_mismatch"] < 1e-12
 
 
 def test_attitude_between_rows():

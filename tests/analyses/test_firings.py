@@ -198,14 +198,14 @@ def test_interleaving_leaves_the_decay(lags):
 # --- what is said of firings ----------------------------------------------------------
 
 
-def remarks_of(commanded: tuple[float, ...], fired: tuple[float, ...]) -> list[str]:
+def remarks_of(command: tuple[float, ...], firing: tuple[float, ...]) -> list[str]:
     """Return what is said of two firings of 10 s about each axis (N m s).
 
     The wheels hold 1 N m s at most.
     """
     series = {
-        "manager/tau_cmd_thruster_body": np.array([commanded, commanded]) / 20.0,
-        "thrusters/tau_mean_thruster_body": np.array([fired, fired]) / -20.0,
+        "manager/tau_cmd_thruster_body": np.array([command, command]) / 20.0,
+        "thrusters/tau_mean_thruster_body": np.array([firing, firing]) / -20.0,
         "thrusters/on_time": np.array([0.0, 0.5, 1.0]),
         "craft/h_copy_wheel": np.array([[0.2, -1.0], [0.1, 0.3], [0.0, 0.1]]),
     }

@@ -26,14 +26,14 @@ def test_the_native_fmu_gives_the_rows_of_the_block(
     system, _ = prepare(target, Options()).or_raise()
     component = system.components["environment"]
     times = [86400.0 + spacing * k for k in range(300)]
-    expected = flight._rows_of_block(flight.environment_block(component), times)
+    block_rows = flight._rows_of_block(flight.environment_block(component), times)
     native = flight.native_of(flight.environment_block(component))
     assert native is not None
     elements = native.interface.elements
     outputs = [s for name in flight.ENVIRONMENT_OUTPUTS for s in elements[name]]
-    found = flight.rows_of(native, times, outputs)
-    assert found is not None
-    np.testing.assert_array_equal(found, expected)
+    native_rows = flight.rows_of(native, times, outputs)
+    assert native_rows is not None
+    np.testing.assert_array_equal(native_rows, block_rows)
 
 
 def test_a_date_beyond_the_field_s_model_is_refused_by_its_own_words() -> None:

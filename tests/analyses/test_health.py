@@ -75,12 +75,12 @@ def test_a_law_that_is_worse_than_none_is_not_met(craft, tmp_path):
 
 def test_what_there_would_be_without_management_is_what_flies_without(craft):
     """The estimate of a managed run beside the run whose manager is off."""
-    managed = execute(str(craft), Options(stop=43200.0))
+    managed_run = execute(str(craft), Options(stop=43200.0))
     off = execute(str(craft), Options(stop=43200.0, sets=["manager.enable=false"]))
-    stated = managed.manifest.numbers["unmanaged_rms"].value
-    assert stated == pytest.approx(off.manifest.numbers["left_rms"].value, rel=0.01)
-    assert managed.manifest.numbers["left_rms"].value < 0.5 * stated
-    assert managed.code == Exit.COMPLETED
+    estimate = managed_run.manifest.numbers["unmanaged_rms"].value
+    assert estimate == pytest.approx(off.manifest.numbers["left_rms"].value, rel=0.01)
+    assert managed_run.manifest.numbers["left_rms"].value < 0.5 * estimate
+    assert managed_run.code == Exit.COMPLETED
     assert off.manifest.unmet == [], "a manager that is off is not to hold anything"
 
 
@@ -89,9 +89,9 @@ def test_thrusters_that_empty_the_wheels_are_management():
     name = "uosat12/table3-ocdc-ilqr-1"
     run = execute(name, Options())
     off = execute(name, Options(sets=["manager.enable=false"]))
-    stated = run.manifest.numbers["unmanaged_rms"].value
+    estimate = run.manifest.numbers["unmanaged_rms"].value
     assert run.results.values("thrusters.on_time")[-1] > 1.0
-    assert stated == pytest.approx(off.manifest.numbers["left_rms"].value, rel=0.01)
+    assert estimate == pytest.approx(off.manifest.numbers["left_rms"].value, rel=0.01)
 
 
 def test_which_laws_hold():
@@ -137,7 +137,7 @@ def test_a_bias_of_a_craft_that_stays_in_eci_is_not_refused():
 def test_a_star_tracker_that_looks_at_the_earth(desat, tmp_path):
     """It never measures, and the attitude that it was to keep is lost: 1, and both are
     said."""
-    done = desat(
+    command = desat(
         "run",
         "nadir_day/star-tracker-prompt",
         "--stop",
@@ -148,8 +148,8 @@ def test_a_star_tracker_that_looks_at_the_earth(desat, tmp_path):
         "--out",
         str(tmp_path / "run"),
     )
-    assert done.returncode == Exit.UNMET, done.stderr
-    unmet = json.loads(done.stdout)["unmet"]
+    assert command.returncode == Exit.UNMET, command.stderr
+    unmet = json.loads(command.stdout)["unmet"]
     assert any(
         "star_tracker: it was never valid (lost_to = 2" in line for line in unmet
     )
@@ -185,8 +185,8 @@ def test_more_dipole_than_wheels_hold(tmp_path, desat):
     file.write_text(
         file.read_text().replace(line, "residual_dipole_body = [7.0, 0.0, 0.0]")
     )
-    checked = desat("check", str(tmp_path / "six"))
-    text = " ".join(checked.stderr.split())
+    command = desat("check", str(tmp_path / "six"))
+    text = " ".join(command.stderr.split())
     assert (
         "mN m s in and out of the fullest within each orbit, which no rods prevent"
         in text
@@ -352,7 +352,7 @@ def test_the_predictive_law_is_told_what_the_sensors_have(tmp_path, desat):
     )
     new_craft.write(tmp_path / "agile", facts, "desat new craft")
     target = str(tmp_path / "agile")
-    done = desat(
+    command = desat(
         "compare",
         target,
         "--laws",
@@ -362,13 +362,13 @@ def test_the_predictive_law_is_told_what_the_sensors_have(tmp_path, desat):
         "17400",
         cwd=tmp_path,
     )
-    assert done.returncode == 0, done.stderr
+    assert command.returncode == 0, command.stderr
     untold = prepare(target, Options(sources=["manager=manager_predictive"]))
     assert any(
         "manager.h_noise = 0.0001 N.m.s, but the craft's sensors have 0.004" in line
         for line in untold.warnings
     )
-    rows = {row["name"]: row for row in json.loads(done.stdout)["laws"]}
+    rows = {row["name"]: row for row in json.loads(command.stdout)["laws"]}
     assert "craft.h_noise = 0.004" in json.dumps(rows["predictive"])
     results = {f"manager.{n}": x for n, x in noise_of(untold.or_raise()[0]).items()}
     both = [
@@ -440,8 +440,8 @@ def test_what_is_kept_of_the_rows_changes_no_number(craft, tmp_path, desat, targ
     assert full.verdicts == thin.verdicts
     assert full.unmet == thin.unmet
     assert runs[0].code == runs[1].code
-    saved = runs[1].results.times()
-    assert saved.tolist() == runs[0].results.times()[::10].tolist()
+    saved_times = runs[1].results.times()
+    assert saved_times.tolist() == runs[0].results.times()[::10].tolist()
 
 
 def test_a_requirement_is_judged_by_all_rows(craft, tmp_path, desat):
@@ -457,7 +457,7 @@ def test_a_requirement_is_judged_by_all_rows(craft, tmp_path, desat):
         f"max = {0.9999 * full}\n"
     )
     for every in ("1", "10"):
-        done = desat(
+        command = desat(
             "run",
             str(file),
             "--stop",
@@ -467,7 +467,7 @@ def test_a_requirement_is_judged_by_all_rows(craft, tmp_path, desat):
             "--out",
             str(tmp_path / every),
         )
-        assert done.returncode == Exit.UNMET, done.stderr
+        assert command.returncode == Exit.UNMET, command.stderr
 
 
 def test_what_is_not_recorded_is_not_checked(craft):
@@ -497,8 +497,8 @@ def test_dumps_are_counted_between_the_first_and_the_last():
     for day in (11.0, 18.62, 26.24, 33.86, 41.48, 49.1):
         dumps[times >= day * 86400.0] += 0.5
         dumps[times >= day * 86400.0 + 3600.0] += 0.5  # over two rows
-    found = MEASURES["steps_in"](times, dumps[:, None], week)
-    assert found == pytest.approx(7.0 / 7.62, rel=2e-3)
+    step_count = MEASURES["steps_in"](times, dumps[:, None], week)
+    assert step_count == pytest.approx(7.0 / 7.62, rel=2e-3)
     assert MEASURES["growth_in"](times, dumps[:, None], week) < 0.8
     assert np.isnan(MEASURES["steps_in"](times, 0.0 * dumps[:, None], week))
 
@@ -507,7 +507,7 @@ def test_a_law_that_is_worse_than_none_comes_last(craft, tmp_path, desat):
     """`compare` ranks it behind all that leave less, whatever it is ranked by."""
     file = tmp_path / "worse_law.py"
     file.write_text(WORSE)
-    done = desat(
+    command = desat(
         "compare",
         str(craft),
         "--laws",
@@ -523,7 +523,7 @@ def test_a_law_that_is_worse_than_none_comes_last(craft, tmp_path, desat):
         "manager.gain=1e-4",
         cwd=tmp_path,
     )
-    rows = json.loads(done.stdout)["laws"]
+    rows = json.loads(command.stdout)["laws"]
     assert [row["name"] for row in rows] == ["cross product", "worse law"]
     assert not rows[0]["not_met"]
     assert any("without management it would be" in line for line in rows[1]["not_met"])

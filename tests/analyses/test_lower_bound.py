@@ -43,7 +43,7 @@ def bound_of(name, **values):
 @pytest.mark.parametrize(("limit", "b_y"), LEAST)
 def test_bounds_are_the_prototypes(limit, b_y):
     for case, seconds in zip((1, 2, 3), LEAST[limit, b_y], strict=True):
-        found = bound_of(
+        bound = bound_of(
             f"uosat12/table3-ocdc-ilqr-{case}",
             # rods of zero under a manager are refused
             **{
@@ -52,7 +52,7 @@ def test_bounds_are_the_prototypes(limit, b_y):
                 "environment.paper_b_y": b_y,
             },
         )
-        assert found.least == pytest.approx(seconds, abs=0.011)
+        assert bound.least == pytest.approx(seconds, abs=0.011)
 
 
 def test_a_pulsed_coil_is_bounded_by_its_duty_and_an_ideal_one_not():
@@ -74,7 +74,7 @@ def test_nozzles_as_the_axis_pairs_have_the_same_bound():
     from desat.system.interface import interface_of_block
 
     pairs = execute("uosat12/table3-dct-ilqr-2", Options(blocks=True))
-    expected = lower_bound.of_run(pairs.manifest, pairs.results)
+    pairs_bound = lower_bound.of_run(pairs.manifest, pairs.results)
     draft = build(read("uosat12/table3-dct-ilqr-2"), Options(blocks=True))
     pairs_of_nozzles = draft.components["thrusters"]
     draft.components["thrusters"] = replace(
@@ -92,8 +92,8 @@ def test_nozzles_as_the_axis_pairs_have_the_same_bound():
     manifest = replace(
         pairs.manifest, parameters={**pairs.manifest.parameters, "thrusters": thrusters}
     )
-    found = lower_bound.of_run(manifest, pairs.results)
-    assert found.least == pytest.approx(expected.least, rel=1e-9)
+    nozzles_bound = lower_bound.of_run(manifest, pairs.results)
+    assert nozzles_bound.least == pytest.approx(pairs_bound.least, rel=1e-9)
 
 
 direction = triple.filter(lambda v: vector.norm(v) > 0.1).map(
@@ -121,16 +121,16 @@ def test_no_law_beats_the_bound(method, h, phase, disturbance):
             },
         ),
     )
-    found = lower_bound.of_run(run.manifest, run.results)
+    bound = lower_bound.of_run(run.manifest, run.results)
     remaining = np.abs(run.results.values("spacecraft.h_copy_wheel")[-1]).sum()
-    assert found.least_same_end <= found.seconds + PULSE
-    assert found.least <= found.seconds + remaining / 0.04 + PULSE
+    assert bound.least_same_end <= bound.seconds + PULSE
+    assert bound.least <= bound.seconds + remaining / 0.04 + PULSE
     if method == "receding_horizon":
         above = (
             1.01 if disturbance == 0.0 else 1.04
         )  # it plans with the right torque, or without
-        assert found.seconds <= found.least_same_end * above + PULSE
-        assert found.final_momentum <= 0.002 + 10 * disturbance
+        assert bound.seconds <= bound.least_same_end * above + PULSE
+        assert bound.final_momentum <= 0.002 + 10 * disturbance
 
 
 def test_manifest_and_report_show_the_bound(desat, tmp_path):
@@ -151,13 +151,13 @@ def test_manifest_and_report_show_the_bound(desat, tmp_path):
     assert numbers["above_bound"]["value"] == pytest.approx(above)
     assert numbers["above_bound"]["unit"] == "%"
     assert numbers["above_bound"]["title"] in (folder / "report.html").read_text()
-    printed = json.loads(desat("bound", str(folder), "--json", check=True).stdout)
-    assert printed["least"] == pytest.approx(numbers["bound"]["value"], rel=1e-12)
-    assert printed["scenario"] == "uosat12/table3-ocdc-ilqr-2"
+    answer = json.loads(desat("bound", str(folder), "--json", check=True).stdout)
+    assert answer["least"] == pytest.approx(numbers["bound"]["value"], rel=1e-12)
+    assert answer["scenario"] == "uosat12/table3-ocdc-ilqr-2"
     again = json.loads(
         desat("bound", "uosat12/table3-ocdc-ilqr-2", "--json", check=True).stdout
     )
-    assert again == printed
+    assert again == answer
 
 
 def test_what_has_no_bound_says_why(desat):

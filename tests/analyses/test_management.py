@@ -74,12 +74,12 @@ def flight_of(first: float, left_rate: float, coils: float) -> Results:
     and would gain `coils` (N m) more without the coils.
     """
     field = 4e-5  # T, about z: a dipole m about x gives the torque -m B about y
-    grown = np.outer(TIMES, (0.0, left_rate, 0.0))
+    impulse = np.outer(TIMES, (0.0, left_rate, 0.0))
     return results_of(
         craft__q_bi=UPRIGHT,
         craft__omega_bi_body=(0.0, 0.0, 0.0),
-        craft__impulse_eci=grown,
-        craft__h_copy_wheel=grown + np.array([first, 0.0, 0.0]),
+        craft__impulse_eci=impulse,
+        craft__h_copy_wheel=impulse + np.array([first, 0.0, 0.0]),
         coils__m_mean_body=(coils / field, 0.0, 0.0),
         environment__b_eci=(0.0, 0.0, field),
         guidance__q_ref_bi=UPRIGHT,
@@ -88,9 +88,9 @@ def flight_of(first: float, left_rate: float, coils: float) -> Results:
 
 def removed_share_of(flight: Results) -> float | None:
     """Return the removed share of a flight by the momenta of its balance."""
-    found = management.balance(manifest_of(PARTS), flight)
+    momenta = management.balance(manifest_of(PARTS), flight)
     return management.removed_share(
-        found.times, found.stored, found.without, np.zeros(3), management.SMALL
+        momenta.times, momenta.stored, momenta.without, np.zeros(3), management.SMALL
     )
 
 
@@ -98,7 +98,7 @@ def removed_share_of(flight: Results) -> float | None:
 
 
 @pytest.mark.parametrize(
-    ("first", "left_rate", "coils", "removed"),
+    ("first", "left_rate", "coils", "share"),
     [
         (3e-3, 1e-6, 1e-6, 0.5),  # 4 mN m s come in after 3 at the start
         (5e-3, 1e-6, 1e-6, 0.4),  # 5 mN m s at the start are more than what comes in
@@ -107,18 +107,18 @@ def removed_share_of(flight: Results) -> float | None:
     ],
 )
 def test_the_removed_share_is_of_the_larger_incoming_momentum(
-    first, left_rate, coils, removed
+    first, left_rate, coils, share
 ):
     flight = flight_of(first, left_rate, coils)
-    found = removed_share_of(flight)
-    assert found == pytest.approx(removed, abs=1e-12)
+    computed_share = removed_share_of(flight)
+    assert computed_share == pytest.approx(share, abs=1e-12)
 
 
 @pytest.mark.parametrize(("first", "is_known"), [(0.9e-3, False), (1.1e-3, True)])
 def test_a_thousandth_of_the_capacity_counts_as_no_momentum(first, is_known):
     flight = flight_of(first, 0.0, 0.0)
-    found = removed_share_of(flight)
-    assert (found is not None) == is_known
+    share = removed_share_of(flight)
+    assert (share is not None) == is_known
 
 
 def test_left_and_unmanaged_momentum_are_rms_of_the_second_half():
@@ -135,14 +135,14 @@ def test_left_and_unmanaged_momentum_are_rms_of_the_second_half():
 @pytest.mark.parametrize(("more", "lines"), [(1.3e-3, 0), (1.5e-3, 1), (20e-3, 1)])
 def test_a_law_may_leave_a_thousandth_of_the_capacity_more(more, lines):
     """The wheels have 40 mN m s and `more` about x, which the coils have added."""
-    grown = np.outer(np.minimum(TIMES / 500.0, 1.0), (more, 0.0, 0.0))
+    impulse = np.outer(np.minimum(TIMES / 500.0, 1.0), (more, 0.0, 0.0))
     field = 4e-5
     dipole = np.where(TIMES < 500.0, more / 500.0 / field, 0.0)
     flight = results_of(
         craft__q_bi=UPRIGHT,
         craft__omega_bi_body=(0.0, 0.0, 0.0),
-        craft__impulse_eci=grown,
-        craft__h_copy_wheel=grown + np.array([40e-3, 0.0, 0.0]),
+        craft__impulse_eci=impulse,
+        craft__h_copy_wheel=impulse + np.array([40e-3, 0.0, 0.0]),
         coils__m_mean_body=np.outer(dipole, (0.0, 1.0, 0.0)),
         environment__b_eci=(0.0, 0.0, field),
         guidance__q_ref_bi=UPRIGHT,
@@ -166,8 +166,8 @@ def test_wheels_cross_zero_where_their_speed_changes_sign():
     """Two wheels with one and three changes; saturated from 1 to 3 s and from 7 s on."""
     times = np.array([0.0, 1.0, 3.0, 7.0, 8.0])
     speed = np.array([[5.0, 1.0], [2.0, -1.0], [-1.0, 1.0], [-2.0, -1.0], [-3.0, -2.0]])
-    saturated = np.array([[0, 0], [1, 0], [0, 0], [1, 1], [0, 0]])
-    assert management.of_wheels(times, saturated, speed) == (3.0, 4.0)
+    saturation = np.array([[0, 0], [1, 0], [0, 0], [1, 1], [0, 0]])
+    assert management.of_wheels(times, saturation, speed) == (3.0, 4.0)
 
 
 def test_the_numbers_of_a_run_are_those_of_its_wheels():
@@ -180,8 +180,8 @@ def test_the_numbers_of_a_run_are_those_of_its_wheels():
         wheels__speed_wheel=momentum / 1e-3,
         wheels__saturated_wheel=(0.0, 0.0, 0.0),
     )
-    found = management.numbers(manifest_of(PARTS), flight)
-    values = {name: number.value for name, number in found.items()}
+    numbers = management.numbers(manifest_of(PARTS), flight)
+    values = {name: number.value for name, number in numbers.items()}
     assert values == pytest.approx(
         {
             # of h that goes linearly from a to b: (a^2 + a b + b^2) / 3
@@ -214,29 +214,31 @@ def test_the_shortest_braking_time_is_momentum_over_half_of_the_coils_torque(
         craft__h_copy_wheel=(0.0, 0.0, 0.0, 0.0),
         coils__m_mean_body=(0.0, 0.0, 0.0),
     )
-    found = management.numbers(manifest_of(parts, inertia=inertia), flight)
+    numbers = management.numbers(manifest_of(parts, inertia=inertia), flight)
     if seconds is None:
-        assert "least_braking" not in found, "the run is too short to brake it"
+        assert "least_braking" not in numbers, "the run is too short to brake it"
     else:
-        assert found["least_braking"].value == pytest.approx(seconds, rel=1e-9)
+        assert numbers["least_braking"].value == pytest.approx(seconds, rel=1e-9)
 
 
 # --- warnings about gains and samples -------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("sample", "gain", "removed"),
+    ("sample", "gain", "removed_share"),
     [(20.0, 0.0499, None), (20.0, 0.0501, 1.002), (20.0, 0.08, 1.6)],
 )
-def test_a_gain_is_too_large_from_all_momentum_in_a_sample_on(sample, gain, removed):
+def test_a_gain_is_too_large_from_all_momentum_in_a_sample_on(
+    sample, gain, removed_share
+):
     values = {"manager.sample_time": sample, "manager.gain": gain}
     system, _ = prepare(DAY, Options(blocks=True, values=values)).or_raise()
     lines = list(management.warnings(system))
-    if removed is None:
+    if removed_share is None:
         assert lines == []
     else:
         (line,) = lines
-        assert f"it takes {removed:.3g} times the momentum out" in line
+        assert f"it takes {removed_share:.3g} times the momentum out" in line
 
 
 def test_a_sample_without_a_time_of_its_own_is_a_step():
@@ -258,6 +260,6 @@ def test_b_dot_brakes_up_to_a_quarter_turn_in_its_longest_sample(tmp_path, rate,
     }
     target = str(tmp_path / "craft" / "detumbling.toml")
     system, _ = prepare(target, Options(values=values)).or_raise()
-    found = list(management.warnings(system))
-    assert len(found) == lines
-    assert all("in a sample of 4 s" in line for line in found)
+    warnings = list(management.warnings(system))
+    assert len(warnings) == lines
+    assert all("in a sample of 4 s" in line for line in warnings)

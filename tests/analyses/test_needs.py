@@ -22,17 +22,17 @@ DAY, NADIR, COMBINED = (
 )
 
 
-def checked(target, *sets, sources=(), **options):
+def check_target(target, *sets, sources=(), **options):
     options = Options(blocks=True, sets=list(sets), sources=list(sources), **options)
     return prepare(target, options)
 
 
 def new_warnings(target, *sets, **options):
     """The warnings that a target has with options beyond those without."""
-    before = checked(target).warnings
-    found = checked(target, *sets, **options)
-    assert found.problems == []
-    return [w for w in found.warnings if w not in before]
+    before = check_target(target).warnings
+    case = check_target(target, *sets, **options)
+    assert case.problems == []
+    return [w for w in case.warnings if w not in before]
 
 
 # --- models that are left -------------------------------------------------------------
@@ -54,9 +54,9 @@ def write_own(tmp_path, text, of=DAY):
 )
 def test_a_run_beyond_the_field_model_is_refused_before_it(desat, tmp_path, text, year):
     file = write_own(tmp_path, text)
-    done = desat("run", file, "--blocks", "--out", str(tmp_path / "run"))
-    assert done.returncode == Exit.INPUT, done.stderr
-    (line,) = [x for x in done.stderr.splitlines() if "IGRF-14 covers" in x]
+    command = desat("run", file, "--blocks", "--out", str(tmp_path / "run"))
+    assert command.returncode == Exit.INPUT, command.stderr
+    (line,) = [x for x in command.stderr.splitlines() if "IGRF-14 covers" in x]
     assert f"{file}: epoch" in line
     assert year in line
     assert not (tmp_path / "run").exists()
@@ -65,13 +65,13 @@ def test_a_run_beyond_the_field_model_is_refused_before_it(desat, tmp_path, text
 
 def test_a_run_that_ends_with_the_field_model_is_not_refused(tmp_path):
     file = write_own(tmp_path, "epoch = 2029-12-31T00:00:00Z")
-    assert checked(file, stop=86400.0).problems == []
-    assert checked(file, stop=86800.0).problems != []
+    assert check_target(file, stop=86400.0).problems == []
+    assert check_target(file, stop=86800.0).problems != []
     dipole = write_own(
         tmp_path,
         "epoch = 2031-01-01T00:00:00Z\nparameters.environment.field = 'dipole'",
     )
-    assert checked(dipole).problems == []
+    assert check_target(dipole).problems == []
 
 
 def test_what_a_manager_predicts_is_within_its_field_model():
@@ -86,7 +86,7 @@ def test_what_a_manager_predicts_is_within_its_field_model():
 
 def test_the_suns_formula_is_left_with_a_word(tmp_path):
     text = "epoch = 2101-01-01T00:00:00Z\nparameters.environment.field = 'dipole'"
-    lines = [w for w in checked(write_own(tmp_path, text)).warnings if "Sun" in w]
+    lines = [w for w in check_target(write_own(tmp_path, text)).warnings if "Sun" in w]
     (line,) = lines
     assert "own.toml: epoch" in line
     assert "the year 2101.00 is outside [1950, 2050]" in line
@@ -106,14 +106,14 @@ def test_an_orbit_beyond_the_atmospheres_model_is_said(axis, eccentricity, text)
         f"environment.eccentricity={eccentricity}",
         "environment.atmosphere=table",
     )
-    (line,) = [w for w in checked(DAY, *sets).warnings if "atmosphere" in w]
+    (line,) = [w for w in check_target(DAY, *sets).warnings if "atmosphere" in w]
     assert "density is good from 100 to 1000 km" in line
     assert text in line
     # above there is too little air to count
     high = ("environment.semi_major_axis=48378137", "environment.atmosphere=table")
-    assert not [w for w in checked(DAY, *high).warnings if "atmosphere" in w]
+    assert not [w for w in check_target(DAY, *high).warnings if "atmosphere" in w]
     none = (*sets[:2], "environment.atmosphere=none")
-    assert not [w for w in checked(DAY, *none).warnings if "density" in w]
+    assert not [w for w in check_target(DAY, *none).warnings if "density" in w]
 
 
 def test_each_range_is_declared_once():
@@ -132,7 +132,7 @@ def test_each_range_is_declared_once():
 def test_a_manager_without_its_design_is_told():
     """One that is put in another's place is refused."""
     values = {"sources": ["manager=manager_magnetic"]}
-    (line,) = checked(NADIR, **values).problems
+    (line,) = check_target(NADIR, **values).problems
     assert line.endswith("(`desat design`); gain_table, offset_table are 0")
     (line,) = new_warnings("uosat12/fig2-mec-1", "manager.costate=0,0,0")
     assert (
@@ -144,12 +144,12 @@ def test_a_manager_without_its_design_is_told():
 
 @pytest.mark.parametrize("manager", ["manager_combined", "manager_receding_horizon"])
 def test_a_law_that_needs_thrusters_is_refused_without(manager):
-    problems = checked(NADIR, sources=[f"manager={manager}"]).problems
+    problems = check_target(NADIR, sources=[f"manager={manager}"]).problems
     (line,) = [p for p in problems if "tau_cmd_thruster_body" in p]
     assert "needs tau_cmd_thruster_body, an unused output" in line
 
 
-def unwired(tmp_path, *inputs, family, name):
+def write_unwired(tmp_path, *inputs, family, name):
     """A scenario whose craft lacks what feeds these inputs."""
     folder = ROOT / "ssp" / family
     craft = (folder / "craft.toml").read_text(encoding="utf-8")
@@ -166,10 +166,10 @@ def unwired(tmp_path, *inputs, family, name):
 
 
 def test_a_controllers_torque_that_reaches_no_wheel_is_refused(tmp_path):
-    file = unwired(
+    file = write_unwired(
         tmp_path, "wheels.tau_cmd_wheel", family="integrated", name="mil-nadir"
     )
-    (line,) = [p for p in checked(file).problems if "tau_ctrl_body" in p]
+    (line,) = [p for p in check_target(file).problems if "tau_ctrl_body" in p]
     assert (
         "manager.tau_ctrl_body is wired and needs tau_cmd_wheel, an unused output"
         in line
@@ -177,18 +177,18 @@ def test_a_controllers_torque_that_reaches_no_wheel_is_refused(tmp_path):
 
 
 def test_a_controller_without_guidance_is_told(tmp_path):
-    file = unwired(
+    file = write_unwired(
         tmp_path, "controller.q_ref_bi", family="integrated", name="mil-nadir"
     )
-    (line,) = [w for w in checked(file).warnings if "q_ref_bi" in w]
+    (line,) = [w for w in check_target(file).warnings if "q_ref_bi" in w]
     assert (
         "controller: q_ref_bi is neither wired nor given: the axes of eci are held"
         in line
     )
-    fixed = file.replace("own", "fixed")
+    fixed_file = file.replace("own", "fixed")
     text = 'extends = "own"\nparameters.controller.q_ref_bi = [0, 0, 0, 1]\n'
     (tmp_path / "fixed.toml").write_text(text, encoding="utf-8")
-    assert not [w for w in checked(fixed).warnings if "q_ref_bi" in w]
+    assert not [w for w in check_target(fixed_file).warnings if "q_ref_bi" in w]
 
 
 @pytest.mark.parametrize(
@@ -217,8 +217,8 @@ def test_what_detumbling_needs_follows_from_where_its_rate_is_from(rate_from, la
     block = block_class("manager_detumbling_optimal")()
     block.rate_from = rate_from
     block.start()
-    found = block.foresee(0.0, 1.0, frozenset({"b_body"}))
-    assert [line.partition(" ")[0] for line in found] == lacks
+    needs = block.foresee(0.0, 1.0, frozenset({"b_body"}))
+    assert [line.partition(" ")[0] for line in needs] == lacks
 
 
 def test_nozzles_without_torque_about_an_axis_are_told():
@@ -289,14 +289,14 @@ def test_what_is_usual_is_in_the_fmu():
     from desat.files import library
     from desat.files.fmu import of_fmu
 
-    seen = 0
+    usual_count = 0
     for name in names():
         file = library.our_file(name + ".fmu")
         signals, block = of_fmu(file).signals, interface_of_block(name)
         for s in block.signals.values():
             assert signals[s.name].usual == s.usual, (name, s.name)
-            seen += s.usual is not None
-    assert seen > 50
+            usual_count += s.usual is not None
+    assert usual_count > 50
 
 
 # --- models onboard -------------------------------------------------------------------
@@ -306,12 +306,12 @@ def test_what_is_usual_is_in_the_fmu():
     "manager", ["closed_loop", "preview", "mixed_mode", "open_loop"]
 )
 def test_another_manager_keeps_the_crafts_shared_values(manager):
-    found = checked(NADIR, sources=[f"manager=manager_{manager}"])
-    assert not [p for p in found.problems if "tables are missing" not in p]
-    assert not [w for w in found.warnings if "what runs onboard errs" in w]
-    if found.problems:  # it needs tables that the craft has not: said, and all there is
+    case = check_target(NADIR, sources=[f"manager=manager_{manager}"])
+    assert not [p for p in case.problems if "tables are missing" not in p]
+    assert not [w for w in case.warnings if "what runs onboard errs" in w]
+    if case.problems:  # it needs tables that the craft has not: said, and all there is
         assert manager != "closed_loop"
-    components = found.system.components
+    components = case.system.components
     inertia = [
         components["spacecraft"].parameters[f"inertia[{i},{i}]"] for i in (1, 2, 3)
     ]
@@ -341,28 +341,31 @@ def test_another_manager_of_a_scenario_keeps_them_too(tmp_path):
     text = 'title = "Own"\ndescription = "Own."\ncraft = "craft.toml"\nstep = 1.0\nstop = 10.0\n'
     text += 'sources.manager = "manager_closed_loop"\n'
     of = "inertia = [1, 0, 0, 0, 2, 0, 0, 0,"
-    for inputs, known in (
+    for inputs, manager_inertia in (
         ("", 2.5),
         (f"parameters.spacecraft.{of} 2]", 2.0),
         (f"parameters.manager.{of} 3]", 3.0),
     ):
         file.write_text(text + inputs, encoding="utf-8")
-        found = checked(str(file))
-        (line,) = found.problems
+        case = check_target(str(file))
+        (line,) = case.problems
         assert (
             "closed_loop has no attitude law, and no other component controls the attitude"
             in line
         )
-        assert found.system.components["manager"].parameters["inertia[3,3]"] == known
-        assert len([w for w in found.warnings if "what runs onboard errs" in w]) == (
-            known == 3.0
+        assert (
+            case.system.components["manager"].parameters["inertia[3,3]"]
+            == manager_inertia
+        )
+        assert len([w for w in case.warnings if "what runs onboard errs" in w]) == (
+            manager_inertia == 3.0
         )
 
 
 def test_a_model_onboard_may_err():
-    name = next(n for n in scenarios("space_telescope") if not checked(n).problems)
-    found = new_warnings(name, "manager.inertia=50,0,0,0,60,0,0,0,70")
-    (line,) = [w for w in found if "what runs onboard errs" in w]
+    name = next(n for n in scenarios("space_telescope") if not check_target(n).problems)
+    warnings = new_warnings(name, "manager.inertia=50,0,0,0,60,0,0,0,70")
+    (line,) = [w for w in warnings if "what runs onboard errs" in w]
     assert line.startswith(
         "--set manager.inertia=50,0,0,0,60,0,0,0,70: manager.inertia[1,1] = 50.0"
         ", but spacecraft.inertia[1,1] = "
@@ -374,9 +377,9 @@ def test_what_errs_is_not_what_follows_from_the_craft():
     """The controller's gain matrix is `shared.inertia`: the craft's, not the erring
     model's."""
     source = ["manager=manager_closed_loop"]
-    found = checked(NADIR, "manager.inertia=50,0,0,0,60,0,0,0,70", sources=source)
-    assert found.problems == []
-    parts = found.system.components
+    case = check_target(NADIR, "manager.inertia=50,0,0,0,60,0,0,0,70", sources=source)
+    assert case.problems == []
+    parts = case.system.components
     assert (
         parts["controller"].parameters["gain_matrix[1,1]"]
         == parts["spacecraft"].parameters["inertia[1,1]"]
@@ -384,6 +387,6 @@ def test_what_errs_is_not_what_follows_from_the_craft():
 
 
 def test_parts_of_the_craft_may_not_differ():
-    problems = checked(NADIR, "wheels.inertia_wheel=1e-3,1e-3,1e-3,1e-3").problems
+    problems = check_target(NADIR, "wheels.inertia_wheel=1e-3,1e-3,1e-3,1e-3").problems
     assert len(problems) == 4
     assert all("the two must be equal" in p for p in problems)

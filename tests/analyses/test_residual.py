@@ -70,10 +70,10 @@ def test_a_jet_that_spins_a_craft_up_is_not_met_until_it_errs_little():
     "options", [{"substeps": 2}, {"substeps": 8}, {"every": 3, "substeps": 1}], ids=str
 )
 def test_balances_are_made_for_every_inner_and_for_rows_left_out(options):
-    found, run = balances_of("gyrostat/light", stop=100.0, **options)
-    assert set(found) == BALANCES
-    assert found["energy_mismatch"] < 1e-8
-    assert found["impulse_mismatch"] < 1e-12
+    balances, run = balances_of("gyrostat/light", stop=100.0, **options)
+    assert set(balances) == BALANCES
+    assert balances["energy_mismatch"] < 1e-8
+    assert balances["impulse_mismatch"] < 1e-12
     assert run.manifest["unmet"] == []
     assert run.manifest["not_checked"] == {}
 
@@ -107,14 +107,14 @@ def test_they_go_on_from_a_checkpoint(tmp_path, monkeypatch, piece):
     monkeypatch.chdir(tmp_path)
     advance = Master.advance
 
-    def ended(master: Master, record: object = None) -> None:
+    def advance_and_fail(master: Master, record: object = None) -> None:
         advance(master, record)
         if master.k == 53:
             raise ComponentError("ended")
 
     options = Options(stop=80.0, checkpoint=20.0, loop="python")
     with monkeypatch.context() as patch:
-        patch.setattr(Master, "advance", ended)
+        patch.setattr(Master, "advance", advance_and_fail)
         assert not execute("gyrostat/pulses", options, tmp_path / "run").ok
     gone_on = resume((tmp_path / "run").absolute())
     assert gone_on.ok
@@ -147,10 +147,12 @@ def test_a_run_that_fails_within_a_step_has_those_before(monkeypatch):
     monkeypatch.setattr(torquers.Torquers, "advance", failing)
     run = execute("gyrostat/light", Options(substeps=4, blocks=True))
     assert run.manifest["status"] == "failed"
-    found = {k: n["value"] for k, n in run.manifest["numbers"].items() if k in BALANCES}
-    assert set(found) == BALANCES
-    assert found["energy_mismatch"] < 1e-8
-    assert found["impulse_mismatch"] < 1e-12
+    balances = {
+        k: n["value"] for k, n in run.manifest["numbers"].items() if k in BALANCES
+    }
+    assert set(balances) == BALANCES
+    assert balances["energy_mismatch"] < 1e-8
+    assert balances["impulse_mismatch"] < 1e-12
 
 
 def test_a_run_that_fails_in_its_first_step_has_no_balance(monkeypatch):
@@ -180,10 +182,10 @@ def test_they_are_made_where_components_are_slow(tmp_path, slow):
     text = "step = 0.2\nstop = 60.0\n[step_ratio]\n" + "\n".join(
         f"{k} = {n}" for k, n in slow.items()
     )
-    found, run = balances_of(mine(tmp_path, text, "gyrostat/full"), blocks=True)
-    assert set(found) == BALANCES
-    assert found["impulse_mismatch"] < 1e-12
-    assert found["energy_mismatch"] < 1e-6
+    balances, run = balances_of(mine(tmp_path, text, "gyrostat/full"), blocks=True)
+    assert set(balances) == BALANCES
+    assert balances["impulse_mismatch"] < 1e-12
+    assert balances["energy_mismatch"] < 1e-6
     assert run.manifest["not_checked"] == {}
 
 
@@ -191,8 +193,8 @@ def test_a_torque_that_a_body_computes_otherwise_shows_at_every_inner(monkeypatc
     from desat.components.physics import rigid_body
 
     monkeypatch.setattr(rigid_body, "MU", 1.001 * rigid_body.MU)
-    found, run = balances_of("gyrostat/full", substeps=4, blocks=True, stop=300.0)
-    assert found["impulse_mismatch"] > 1e-7
+    balances, run = balances_of("gyrostat/full", substeps=4, blocks=True, stop=300.0)
+    assert balances["impulse_mismatch"] > 1e-7
     monkeypatch.undo()
     assert (
         balances_of("gyrostat/full", substeps=4, blocks=True, stop=300.0)[0][
@@ -222,7 +224,9 @@ def test_a_torque_that_a_body_computes_otherwise_shows_at_every_inner(monkeypatc
 )
 @pytest.mark.parametrize("substeps", [1, 2])
 def test_what_is_not_checked_is_said_with_why(options, reason, names, substeps):
-    found, run = balances_of("gyrostat/light", stop=5.0, substeps=substeps, **options)
+    balances, run = balances_of(
+        "gyrostat/light", stop=5.0, substeps=substeps, **options
+    )
     results = {
         k: x
         for k, x in run.manifest["not_checked"].items()
@@ -233,7 +237,7 @@ def test_what_is_not_checked_is_said_with_why(options, reason, names, substeps):
     ):  # made while it runs: it needs no series for it
         names = set()
     assert set(results) == names
-    assert not names & set(found)
+    assert not names & set(balances)
     assert all(reason in text for text in results.values())
     lines = [w for w in run.manifest["warnings"] if w.startswith("not checked: ")]
     assert all(any(n in line and reason in line for line in lines) for n in names)
@@ -251,12 +255,12 @@ def test_the_command_says_what_is_not_checked(tmp_path, monkeypatch):
         "--record",
         "spacecraft.*",
     ]
-    done = CliRunner().invoke(app_for([]), command, env={"COLUMNS": "300"})
-    assert done.exit_code == 0, done.output
-    assert "warning: not checked: " in done.output
+    invocation = CliRunner().invoke(app_for([]), command, env={"COLUMNS": "300"})
+    assert invocation.exit_code == 0, invocation.output
+    assert "warning: not checked: " in invocation.output
     assert any(
         line.startswith("hidden_work") and "not checked" in line
-        for line in done.output.splitlines()
+        for line in invocation.output.splitlines()
     )
     page = (tmp_path / "runs/gyrostat-light/report.html").read_text()
     assert re.search(r'<tr><td class="">hidden_work<td class="n">not checked', page)
@@ -269,16 +273,18 @@ def test_slow_wheels_are_said_before_the_run(tmp_path):
     _, run = balances_of(target, blocks=True)
     line = "not checked: energy_mismatch, hidden_work, impulse_mismatch: wheels is slower than"
     assert sum(w.startswith(line) for w in run.manifest["warnings"]) == 1
-    done = CliRunner().invoke(app_for([]), ["check", target], env={"COLUMNS": "300"})
-    assert line in done.output.replace("\n", " ")
+    invocation = CliRunner().invoke(
+        app_for([]), ["check", target], env={"COLUMNS": "300"}
+    )
+    assert line in invocation.output.replace("\n", " ")
 
 
 def test_a_fixed_attitude_has_its_balance():
     run = execute("uosat12/table3-ocdc-ilqr-1", Options(stop=1200.0, blocks=True))
-    found = run.manifest["numbers"]["impulse_mismatch"]["value"]
+    mismatch = run.manifest["numbers"]["impulse_mismatch"]["value"]
     impulse = np.linalg.norm(run.results.values("spacecraft.impulse_eci"), axis=1).max()
     assert impulse > 1e-2
-    assert found < 1e-6 * impulse
+    assert mismatch < 1e-6 * impulse
     assert run.manifest["unmet"] == []
 
 
@@ -302,12 +308,12 @@ def test_a_fixed_attitude_that_computes_a_torque_otherwise_is_not_met(monkeypatc
 
 def test_heavy_wheels_at_one_exchange_are_not_met(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    done = CliRunner().invoke(
+    invocation = CliRunner().invoke(
         app_for([]), ["run", "gyrostat/heavy-wheels", "--substeps", "1"]
     )
-    assert done.exit_code == Exit.UNMET
-    assert "hidden_work" in done.output
-    assert "energy_bound = 2e-08" in done.output
+    assert invocation.exit_code == Exit.UNMET
+    assert "hidden_work" in invocation.output
+    assert "energy_bound = 2e-08" in invocation.output
     assert (
         CliRunner().invoke(app_for([]), ["run", "gyrostat/heavy-wheels"]).exit_code
         == Exit.COMPLETED
@@ -371,13 +377,13 @@ def test_the_largest_residual_is_that_of_a_row(monkeypatch):
     number = residual.numbers(None, None)["momentum_residual"]
     assert (number.value, number.unit) == (5.0, "N.m.s")
     assert residual.unchecked(None, None) == {}
-    for algorithm, bound, lines in (
+    for algorithm, residual_bound, lines in (
         ("gauss_seidel", None, 1),
         ("jacobi", None, 0),
         ("gauss_seidel", 5.0 / 7.0, 0),
         ("gauss_seidel", 0.7, 1),
     ):
-        about = {} if bound is None else {"residual_bound": bound}
+        about = {} if residual_bound is None else {"residual_bound": residual_bound}
         manifest = manifest_with(
             numbers={"momentum_residual": number}, algorithm=algorithm, about=about
         )
@@ -427,13 +433,13 @@ def test_totals_go_on_from_block_to_block(monkeypatch):
     ]
     monkeypatch.setattr(energy, "sums", lambda steps: blocks[steps.number])
     for outer in (None, object()):
-        totals, found = energy.Totals(), []
+        totals, mismatches = energy.Totals(), []
         for k, impulse in enumerate(impulses):
             steps = SimpleNamespace(number=k, impulse=np.array(impulse), outer=outer)
-            found.append(totals.add(steps))
+            mismatches.append(totals.add(steps))
             assert totals.start == 1.0
             assert totals.energy == 4.0
-        assert [list(mismatch) for mismatch, _ in found] == [[0.5, 0.0], [2.0]]
+        assert [list(mismatch) for mismatch, _ in mismatches] == [[0.5, 0.0], [2.0]]
         assert (totals.work, totals.worked, totals.mismatch) == (-2.0, 2.5, 2.0)
         assert (totals.hidden, totals.began) == (0.3, (5.0, 0.0, 0.0))
         assert totals.given == (2.0, 2.0, 0.0)
@@ -461,13 +467,15 @@ def test_the_numbers_of_a_balance(monkeypatch, values, share, impulse):
     )
     monkeypatch.setattr(energy, "totals_of", lambda *_: result)
     monkeypatch.setattr(energy, "_not_of_rows", lambda *_: "why")
-    found = {name: n.value for name, n in energy.numbers(manifest_with(), None).items()}
-    expected = {
+    balance_values = {
+        name: n.value for name, n in energy.numbers(manifest_with(), None).items()
+    }
+    known_values = {
         "energy_mismatch": share,
         "hidden_work": values is not None and 3.0,
         "impulse_mismatch": impulse,
     }
-    assert found == {k: v for k, v in expected.items() if v}
+    assert balance_values == {k: v for k, v in known_values.items() if v}
     parts = energy.EnergyParts("a", "w.h")
     lacking = energy.unchecked(manifest_with(parts={energy.KEY: parts}), None)
     if values is None:
@@ -517,11 +525,11 @@ def test_why_rows_have_no_balance(more, times, lacking, counts, reason):
         "a", "w.h", "w.mean", "w.slope", None, **{"rows": True, **of}
     )
     results = series_of(energy.of_work(parts), times, lacking, **counts)
-    found = energy._not_of_rows(
+    answer = energy._not_of_rows(
         manifest_with(parts={energy.KEY: parts}, **more), results
     )
-    assert found.startswith(reason)
-    assert bool(found) == bool(reason)
+    assert answer.startswith(reason)
+    assert bool(answer) == bool(reason)
 
 
 @pytest.mark.parametrize(
@@ -559,8 +567,8 @@ def test_a_balance_at_its_bound_is_met(monkeypatch, hidden, impulse, about, line
         fixed, "mismatch", lambda *_: None if impulse is None else (impulse, 7.0)
     )
     assert len(fixed.unmet(manifest, None)) == of_fixed
-    found = fixed.numbers(manifest, None)
-    assert {k: v.value for k, v in found.items()} == (
+    fixed_numbers = fixed.numbers(manifest, None)
+    assert {k: v.value for k, v in fixed_numbers.items()} == (
         {} if impulse is None else {"impulse_mismatch": impulse}
     )
 

@@ -65,8 +65,8 @@ def test_an_error_does_not_hide_between_the_samples_of_a_reference(craft):
         [lvlh_attitude(tuple(a), tuple(b)) for a, b in zip(r, v, strict=True)]
     )
     error = pointing(q[:rows], lvlh[:rows])
-    expected = float(np.sqrt((error**2).mean()))
-    assert run.manifest.numbers["pointing"].value == pytest.approx(expected, rel=1e-9)
+    rms_error = float(np.sqrt((error**2).mean()))
+    assert run.manifest.numbers["pointing"].value == pytest.approx(rms_error, rel=1e-9)
     assert run.manifest.numbers["pointing"].samples == rows
     assert any("attitude was lost" in line for line in run.manifest.unmet)
 
@@ -85,26 +85,26 @@ def test_what_a_guidance_wants_is_its_law_at_every_step(name, values):
     fast, slow = started(name, **values), started(name, sample_time=40.0, **values)
     for k in range(100):
         angle = 1e-3 * k
-        turned = np.cos(angle), np.sin(angle)
+        direction = np.cos(angle), np.sin(angle)
         for block in (fast, slow):
-            block.r_eci = (7e6 * turned[0], 7e6 * turned[1], 0.0)
-            block.v_eci = (-7.5e3 * turned[1], 7.5e3 * turned[0], 0.0)
+            block.r_eci = (7e6 * direction[0], 7e6 * direction[1], 0.0)
+            block.v_eci = (-7.5e3 * direction[1], 7.5e3 * direction[0], 0.0)
             block.sun_eci = (0.6, 0.0, 0.8)
             block.advance(float(k), 1.0)
         assert slow.q_wanted_bi == fast.q_wanted_bi
         assert fast.q_ref_bi == pytest.approx(fast.q_wanted_bi, abs=1e-15)
         if k % 40 == 0:
             assert slow.q_ref_bi == pytest.approx(fast.q_ref_bi, abs=1e-15)
-            held = slow.q_ref_bi
-        assert slow.q_ref_bi == held
-    assert product(held, (0.0, 0.0, 0.0, 1.0)) == held
+            first_reference = slow.q_ref_bi
+        assert slow.q_ref_bi == first_reference
+    assert product(first_reference, (0.0, 0.0, 0.0, 1.0)) == first_reference
 
 
 @pytest.mark.parametrize(
-    ("sample_time", "stop", "judged"), [(10.0, 300.0, True), (100.0, 300.0, False)]
+    ("sample_time", "stop", "has_verdict"), [(10.0, 300.0, True), (100.0, 300.0, False)]
 )
 def test_a_foreign_reference_counts_at_its_samples(
-    craft, tmp_path, monkeypatch, sample_time, stop, judged
+    craft, tmp_path, monkeypatch, sample_time, stop, has_verdict
 ):
     monkeypatch.setenv("DESAT_CACHE", str(tmp_path))
     file = tmp_path / "mine.py"
@@ -115,11 +115,11 @@ def test_a_foreign_reference_counts_at_its_samples(
         sets=[f"guidance.sample_time={sample_time}"],
     )
     manifest = execute(craft, options).manifest
-    found, count = manifest.numbers["pointing"], round(stop / sample_time)
-    assert found.samples == count
-    assert found.note == f"at {count} samples of the reference"
-    assert ("pointing" in manifest.verdicts) == judged
-    if not judged:
+    pointing, count = manifest.numbers["pointing"], round(stop / sample_time)
+    assert pointing.samples == count
+    assert pointing.note == f"at {count} samples of the reference"
+    assert ("pointing" in manifest.verdicts) == has_verdict
+    if not has_verdict:
         assert manifest.not_checked["pointing"] == f"{count} samples"
 
 
@@ -165,13 +165,13 @@ def test_a_sample_time_is_held_against_run_and_orbit(craft, sets, message):
 def test_the_coils_own_field_is_told(craft, sets, share):
     """K = 1e-4 T/(A m2) and three coils of 0.2 A m2, against 3e-5 T in the mean."""
     target = f"{craft}/detumbling.toml"
-    checked = check(target, Options(sets=[COUPLED, *sets]))
-    lines = [x for x in [*checked.notes, *checked.warnings] if "full dipoles" in x]
+    case = check(target, Options(sets=[COUPLED, *sets]))
+    lines = [x for x in [*case.notes, *case.warnings] if "full dipoles" in x]
     (line,) = lines
     assert f"add up to {share:.2g} T" in line
     percent = float(line.partition(" T, ")[2].partition(" %")[0])
     assert 100.0 * share / percent == pytest.approx(3.8e-5, rel=0.1)
-    assert (line in checked.warnings) == (percent > 5.0)
+    assert (line in case.warnings) == (percent > 5.0)
 
 
 def test_a_craft_with_coupled_coils_is_braked(craft):

@@ -104,13 +104,13 @@ def test_the_command_writes_what_runs_from_its_folder(desat, tmp_path: Path) -> 
 
 @pytest.mark.parametrize("scenario", SCENARIOS)
 @pytest.mark.parametrize(
-    "expected", [TWELVE, AGILE, CraftFacts()], ids=["12u", "agile", "class"]
+    "facts", [TWELVE, AGILE, CraftFacts()], ids=["12u", "agile", "class"]
 )
 def test_each_scenario_is_sound(
-    tmp_path: Path, expected: CraftFacts, scenario: str
+    tmp_path: Path, facts: CraftFacts, scenario: str
 ) -> None:
     folder = tmp_path / "mine"
-    write(folder, expected, "desat new craft mine")
+    write(folder, facts, "desat new craft mine")
     case = prepare(str(folder / f"{scenario}.toml"), Options())
     system, _ = case.or_raise()
     text = "\n".join(case.warnings)
@@ -131,7 +131,7 @@ GTO = CraftFacts(
 
 
 @pytest.mark.parametrize(
-    "expected",
+    "facts",
     [
         GTO,
         replace(GTO, mass="300kg", dump="thrusters 80:20"),
@@ -141,9 +141,9 @@ GTO = CraftFacts(
     ],
     ids=["2 s", "lighter", "given 2 s", "given 2.5 s", "given 0.4 s"],
 )
-def test_thrusters_sample_at_whole_steps(tmp_path: Path, expected: CraftFacts) -> None:
+def test_thrusters_sample_at_whole_steps(tmp_path: Path, facts: CraftFacts) -> None:
     folder = tmp_path / "mine"
-    write(folder, expected, "desat new craft mine")
+    write(folder, facts, "desat new craft mine")
     for scenario in ("nominal", "worst"):
         system, _ = prepare(str(folder / f"{scenario}.toml"), Options()).or_raise()
         sample = system.components["thrusters"].values["sample_time"]
@@ -209,8 +209,10 @@ def test_the_worst_scenario_is_worse_in_all_that_it_names(
         assert ratio("spacecraft", "tau_disturbance_body") == pytest.approx(1.3)
     if "rows" in sources:
         assert ratio("disturbance", "factor") == pytest.approx(1.3)
-    q, expected = (np.array(x["spacecraft"]["q_start_bi"]) for x in (worst, usual))
-    assert math.degrees(2.0 * math.acos(abs(q @ expected))) == pytest.approx(
+    q, usual_attitude = (
+        np.array(x["spacecraft"]["q_start_bi"]) for x in (worst, usual)
+    )
+    assert math.degrees(2.0 * math.acos(abs(q @ usual_attitude))) == pytest.approx(
         10.0, abs=0.01
     )
     wheels = worst["wheels"]
@@ -399,9 +401,9 @@ def test_what_wheels_must_hold_of_an_orbit_is_near_what_size_finds(
         Options(stop=20000.0, sets=sets),
         SizingRequirements(year=False, laws=False, flown=False),
     )
-    with pytest.raises(DesatError, match="in and out of the fullest") as refused:
+    with pytest.raises(DesatError, match="in and out of the fullest") as refusal:
         write(tmp_path / "less", CraftFacts(**wish, wheels="3 axes 1mNms"), "")  # type: ignore[arg-type]
-    answer = float(re.findall(r"turn ([\d.]+) mN m s", str(refused.value))[0]) * 1e-3
+    answer = float(re.findall(r"turn ([\d.]+) mN m s", str(refusal.value))[0]) * 1e-3
     assert answer == pytest.approx(sizing.wheel_needed, rel=0.1)
 
 
@@ -414,7 +416,7 @@ def test_classes_grow_with_their_size() -> None:
 
 
 @pytest.mark.parametrize(
-    ("expected", "message"),
+    ("facts", "message"),
     [
         (
             {"altitude": "400 km", "sso": "500km"},
@@ -461,10 +463,10 @@ def test_classes_grow_with_their_size() -> None:
     ],
 )
 def test_what_cannot_be_is_refused(
-    tmp_path: Path, expected: dict[str, object], message: str
+    tmp_path: Path, facts: dict[str, object], message: str
 ) -> None:
     with pytest.raises(DesatError, match=message):
-        write(tmp_path / "mine", CraftFacts(**expected), "")  # type: ignore[arg-type]
+        write(tmp_path / "mine", CraftFacts(**facts), "")  # type: ignore[arg-type]
     assert not (tmp_path / "mine").exists()
 
 
@@ -589,8 +591,8 @@ def test_what_is_made_of_a_crafts_scenario_has_its_name(desat, tmp_path):
     assert "runs/mine-worst/report.html" in result.stdout
     result = desat("run", "mine", "--stop", "20", cwd=tmp_path)
     assert "runs/mine/report.html" in result.stdout
-    shown = desat("show", "mine", cwd=tmp_path, check=True)
-    assert "parameters.manager.gain" in shown.stdout
+    command = desat("show", "mine", cwd=tmp_path, check=True)
+    assert "parameters.manager.gain" in command.stdout
 
 
 def test_wheels_and_coils_detumble_sooner_than_coils_alone(tmp_path: Path) -> None:
@@ -691,14 +693,16 @@ def test_an_assumed_dipole_has_the_worse_sign(tmp_path, facts):
     sizes = {}
     for sign in (1.0, -1.0, 0.0):
         values = {"spacecraft.residual_dipole_body": [sign * x for x in dipole]}
-        turned, _ = prepare(str(tmp_path / "c"), Options(values=values)).or_raise()
-        block = environment_block(turned.components["environment"])
+        craft_system, _ = prepare(
+            str(tmp_path / "c"), Options(values=values)
+        ).or_raise()
+        block = environment_block(craft_system.components["environment"])
         first = inputs_at(block, [0.0])
         period = period_of(first["r_eci"][0], first["v_eci"][0])
         times = np.linspace(0.0, round(86400.0 / period) * period, 1441)
-        block = environment_block(turned.components["environment"])
+        block = environment_block(craft_system.components["environment"])
         inputs = inputs_at(block, times.tolist())
-        flight = flown_at(turned, wanted_attitude(turned), inputs, times)
+        flight = flown_at(craft_system, wanted_attitude(craft_system), inputs, times)
         sizes[sign] = np.linalg.norm(flight.disturbance[-1] - flight.disturbance[0])
     assert sizes[1.0] >= 0.98 * max(sizes.values())
 
@@ -714,17 +718,17 @@ def test_the_least_rod_of_a_map_grows_with_the_dipole(tmp_path):
             altitudes=(350e3,),
             dipoles=(0.0, 0.045, 0.09, 0.18),
         )
-        found = map_of(
+        size_map = map_of(
             str(tmp_path / "c"), Options(), axes, SizingRequirements(), jobs=1
         )
-        assert (np.diff(found.least[:, 0], axis=1) >= 0.0).all(), sign
-        assert (np.diff(found.rms[0, :, 0, :, 0], axis=1) >= 0.0).all(), sign
-        turned = re.sub(
+        assert (np.diff(size_map.least[:, 0], axis=1) >= 0.0).all(), sign
+        assert (np.diff(size_map.rms[0, :, 0, :, 0], axis=1) >= 0.0).all(), sign
+        opposite_text = re.sub(
             r"(residual_dipole_body = )\[(.*?)\]",
             lambda m: f"{m[1]}[{', '.join(str(-float(x)) for x in m[2].split(','))}]",
             text,
         )
-        (tmp_path / "c" / "craft.toml").write_text(turned)
+        (tmp_path / "c" / "craft.toml").write_text(opposite_text)
 
 
 def test_a_quaternion_of_any_length_is_a_direction(tmp_path):

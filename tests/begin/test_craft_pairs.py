@@ -62,11 +62,11 @@ def pairwise_rows(seed: int) -> list[list[int]]:
     }
     rows = []
     while missing:
-        tried = [[draw.randrange(n) for n in counts] for _ in range(30)]
-        for row in tried:  # each has a pair that is missing
+        candidates = [[draw.randrange(n) for n in counts] for _ in range(30)]
+        for row in candidates:  # each has a pair that is missing
             (i, a), (j, b) = min(missing)
             row[i], row[j] = a, b
-        rows.append(max(tried, key=lambda row: len(pairs_of(row) & missing)))
+        rows.append(max(candidates, key=lambda row: len(pairs_of(row) & missing)))
         missing -= pairs_of(rows[-1])
     return rows
 
@@ -91,7 +91,7 @@ def facts_of(row: list[int]) -> CraftFacts:
 def test_what_is_written_is_sound_and_what_is_refused_leaves_nothing(
     tmp_path: Path, seed: int
 ) -> None:
-    written = 0
+    written_count = 0
     for k, row in enumerate(pairwise_rows(seed)):
         facts, folder = facts_of(row), tmp_path / f"c{k}"
         try:
@@ -99,17 +99,17 @@ def test_what_is_written_is_sound_and_what_is_refused_leaves_nothing(
         except DesatError:
             assert not folder.exists()
             continue
-        written += 1
+        written_count += 1
         for file in sorted(folder.glob("*.toml")):
             if file.name == "craft.toml":
                 continue
-            checked = check(str(file), Options())
-            assert not checked.problems, facts
+            case = check(str(file), Options())
+            assert not case.problems, facts
             if file.name == "nominal.toml":
-                assert {*checked.warnings} == {*warnings}, facts
+                assert {*case.warnings} == {*warnings}, facts
             insufficient = [x for x in warnings if "the Sun and the Moon" not in x]
             assert not insufficient, facts
-    assert written >= 20
+    assert written_count >= 20
 
 
 def test_a_craft_that_cannot_fly_leaves_no_folder(tmp_path: Path) -> None:

@@ -122,7 +122,7 @@ def test_a_secular_torque_is_what_size_finds(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("expected", "message"),
+    ("facts", "message"),
     [
         (
             {"sun": "1AU", "rods": "0.2"},
@@ -167,10 +167,10 @@ def test_a_secular_torque_is_what_size_finds(tmp_path: Path) -> None:
     ],
 )
 def test_what_cannot_be_is_refused(
-    tmp_path: Path, expected: dict[str, Any], message: str
+    tmp_path: Path, facts: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(DesatError, match=message):
-        write(tmp_path / "mine", CraftFacts(**expected), "")
+        write(tmp_path / "mine", CraftFacts(**facts), "")
     assert not (tmp_path / "mine").exists()
 
 

@@ -78,8 +78,8 @@ def test_a_heading_names_columns_and_units(
 ) -> None:
     file = tmp_path / "tau.csv"
     file.write_text(f"# a comment\n{heading}\n{row}\n")
-    (found,) = read_torques(file)
-    assert found == pytest.approx((10.0, 1.0, 2.0, 3.0), rel=1e-12)
+    (torque_row,) = read_torques(file)
+    assert torque_row == pytest.approx((10.0, 1.0, 2.0, 3.0), rel=1e-12)
 
 
 def test_torques_of_several_files_add_up(tmp_path: Path) -> None:
@@ -107,6 +107,6 @@ def test_torques_of_several_files_add_up(tmp_path: Path) -> None:
 def test_the_mean_torque_is_that_of_the_sum(tmp_path: Path) -> None:
     file = tmp_path / "tau.csv"
     file.write_text("0,9e-5,0,0\n")
-    found = given_torque(CraftFacts(torque=str(file), secular="0uNm,90uNm,0uNm"))
-    assert found is not None
-    assert found.size == pytest.approx(9e-5 * 2.0**0.5)
+    torque = given_torque(CraftFacts(torque=str(file), secular="0uNm,90uNm,0uNm"))
+    assert torque is not None
+    assert torque.size == pytest.approx(9e-5 * 2.0**0.5)

@@ -24,7 +24,7 @@ def test_cost_counts_children_and_names_what_fails(tmp_path):
 def test_the_lines_of_the_bench_are_commands_that_there_are():
     lines = commands.commands()
     assert {"base", "help", "check", "run_60_steps", "run_day", "tables"} <= set(lines)
-    saved = {name: lines[name] for name in ("base", "help")}
-    found = commands.measure(saved, rounds=1)
-    assert found["base"]["over_base"] == 1.0
-    assert found["help"]["cpu"] > 0.0
+    two_lines = {name: lines[name] for name in ("base", "help")}
+    times = commands.measure(two_lines, rounds=1)
+    assert times["base"]["over_base"] == 1.0
+    assert times["help"]["cpu"] > 0.0

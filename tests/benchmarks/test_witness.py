@@ -30,7 +30,7 @@ MOST = {"light": 1e-10, "orbit": 1e-10}
 """rad, rad/s and N m s; elsewhere 1e-8."""
 
 
-def stored(name: str) -> dict[str, NDArray[np.float64]]:
+def read_rows(name: str) -> dict[str, NDArray[np.float64]]:
     with np.load(STORED) as rows:
         return {series: rows[f"{name}.{series}"] for series in SERIES}
 
@@ -38,17 +38,23 @@ def stored(name: str) -> dict[str, NDArray[np.float64]]:
 @pytest.mark.parametrize("name", [c for c in CASES if c != LAWS])
 def test_the_closed_loop_is_basilisks(name: str) -> None:
     """To three times what Basilisk's own extrapolation may err, with 64 substeps."""
-    found = apart(stored(name), ours(name, None, CASES[name]))
+    differences = apart(read_rows(name), ours(name, None, CASES[name]))
     for subject, error in TOLD_OF["cases"][name]["error"].items():
-        assert found[subject] <= min(3.0 * error, MOST.get(name, 1e-8)), subject
-    assert TOLD_OF["cases"][name]["basilisk"]["0.1"]["attitude"] > found["attitude"]
+        assert differences[subject] <= min(3.0 * error, MOST.get(name, 1e-8)), subject
+    assert (
+        TOLD_OF["cases"][name]["basilisk"]["0.1"]["attitude"] > differences["attitude"]
+    )
 
 
 def test_the_difference_to_basilisks_own_laws_is_what_the_page_says() -> None:
-    found = apart(stored(LAWS), ours(LAWS, None, CASES[LAWS]))
+    differences = apart(read_rows(LAWS), ours(LAWS, None, CASES[LAWS]))
     answer = TOLD_OF["laws"]
-    assert found["attitude"] == pytest.approx(answer["modules"]["attitude"], rel=1e-3)
-    assert found["momentum"] == pytest.approx(answer["modules"]["momentum"], rel=1e-3)
+    assert differences["attitude"] == pytest.approx(
+        answer["modules"]["attitude"], rel=1e-3
+    )
+    assert differences["momentum"] == pytest.approx(
+        answer["modules"]["momentum"], rel=1e-3
+    )
     assert (
         answer["all_terms"]["attitude"]
         < 1e-13
@@ -67,15 +73,18 @@ def test_with_an_empty_null_space_ours_is_nearer() -> None:
         + answer["gyroscopic"]["momentum"]
         + answer["relative"]["momentum"]
     )
-    assert apart(stored(LAWS), rows)["momentum"] < 1.1 * remaining
+    assert apart(read_rows(LAWS), rows)["momentum"] < 1.1 * remaining
     assert remaining < 0.02 * TOLD_OF["laws"]["modules"]["momentum"]
 
 
 def test_a_coil_that_is_off_by_a_thousandth_is_seen() -> None:
     run = desat.run("nadir_day/witness-light", {"manager.gain": 1.001e-3})
     rows = {k: run.results.values(s)[:: CASES["light"]] for k, s in SERIES.items()}
-    found, error = apart(stored("light"), rows), TOLD_OF["cases"]["light"]["error"]
-    assert found["attitude"] > 1e4 * error["attitude"]
+    differences, error = (
+        apart(read_rows("light"), rows),
+        TOLD_OF["cases"]["light"]["error"],
+    )
+    assert differences["attitude"] > 1e4 * error["attitude"]
 
 
 def test_the_page_is_of_what_is_stored() -> None:
@@ -90,12 +99,12 @@ def test_tesserals_are_the_gradient_of_their_potential() -> None:
                 2 * (2 * n + 1) * math.factorial(n - m) / math.factorial(n + m)
             )
             legendre = (-1) ** m * float(lpmv(m, n, r[2] / far))
-            turned = m * math.atan2(r[1], r[0])
+            longitude_angle = m * math.atan2(r[1], r[0])
             total += (
                 (RADIUS / far) ** n
                 * norm
                 * legendre
-                * (c * math.cos(turned) + s * math.sin(turned))
+                * (c * math.cos(longitude_angle) + s * math.sin(longitude_angle))
             )
         return MU / far * total
 

@@ -79,13 +79,13 @@ def test_what_remains_and_what_a_cycle_loses(remanence):
     path = np.concatenate(
         [np.linspace(0, 10, 101), np.linspace(10, -10, 201), np.linspace(-10, 10, 201)]
     )
-    found = []
+    dipoles = []
     for k, u in enumerate(path):
         block.m_cmd_body = (u, 0.0, 0.0)
         block.advance(float(k), 1.0)
         block.output(k + 1.0)
-        found.append(block.m_coil[0])
-    m = np.array(found)
+        dipoles.append(block.m_coil[0])
+    m = np.array(dipoles)
     assert m[100] == pytest.approx(10.0, rel=1e-14)
     assert m[201] == pytest.approx(10.0 * remanence, rel=1e-13)
     assert m[301] == pytest.approx(-10.0, rel=1e-13)
@@ -111,7 +111,7 @@ def reference(block, u: float, x0: float, regulation: int, stop: float) -> np.nd
     aim = u * 40.0 / ohm if regulation == VOLTAGE else u
     aim = min(max(aim, -full), full)
     width = [(k + 0.5) * 10.0 / 8 for k in range(8)]
-    plays, found = [0.0] * 8, np.empty(n)
+    plays, dipole = [0.0] * 8, np.empty(n)
     for i in range(n):
         if regulation == VOLTAGE:
             x = aim + (x - aim) * math.exp(-dt / tau)
@@ -120,8 +120,8 @@ def reference(block, u: float, x0: float, regulation: int, stop: float) -> np.nd
             after = to + (x - to) * math.exp(-dt / tau)
             x = aim if (after - aim) * (x - aim) <= 0.0 else after
         plays = [min(max(p, x - r), x + r) for p, r in zip(plays, width, strict=True)]
-        found[i] = (1 - 2 * block.remanence) * x + 4 * block.remanence / 8 * sum(plays)
-    return found
+        dipole[i] = (1 - 2 * block.remanence) * x + 4 * block.remanence / 8 * sum(plays)
+    return dipole
 
 
 @pytest.mark.parametrize(
@@ -155,15 +155,15 @@ def test_current_is_there_when_the_supply_has_driven_it():
     run(block, 0.01, 1.0 - there, there)
     assert block.m_mean_body == pytest.approx((9.0, 0.0, 0.0), rel=1e-12)
     block.m_cmd_body = (0.0, 0.0, 0.0)  # and gone sooner, for the supply is against it
-    gone = 0.3 * math.log((13.5 + 9.0) / 13.5)
-    block.advance(1.0, 0.5 * gone)
-    block.advance(1.0 + 0.5 * gone, 0.5 * gone)
-    block.output(1.0 + gone)
+    rise_time = 0.3 * math.log((13.5 + 9.0) / 13.5)
+    block.advance(1.0, 0.5 * rise_time)
+    block.advance(1.0 + 0.5 * rise_time, 0.5 * rise_time)
+    block.output(1.0 + rise_time)
     assert block.m_coil[0] == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize(
-    ("parameters", "expected", "share"),
+    ("parameters", "dipole", "share"),
     [
         ({"temperature": 373.15}, 10.0, 1.0),
         (
@@ -183,11 +183,11 @@ def test_current_is_there_when_the_supply_has_driven_it():
         ),
     ],
 )
-def test_what_supply_and_temperature_hold(parameters, expected, share):
+def test_what_supply_and_temperature_hold(parameters, dipole, share):
     block = driven(**parameters)
-    block.m_cmd_body = (expected, 0.0, 0.0)
+    block.m_cmd_body = (dipole, 0.0, 0.0)
     run(block, 1.0, 20.0)
-    assert block.m_coil[0] == pytest.approx(expected * share, rel=1e-12)
+    assert block.m_coil[0] == pytest.approx(dipole * share, rel=1e-12)
     ohm = 40.0 * (1.0 + 0.00393 * (block.temperature - 293.15))
     assert block.power == pytest.approx(ohm * (block.m_coil[0] / 60.0) ** 2, rel=1e-12)
 
@@ -200,14 +200,22 @@ def test_what_supply_and_temperature_hold(parameters, expected, share):
     regulation=st.sampled_from([CURRENT, VOLTAGE]),
     quiet=st.floats(0, 3),
     remanence=st.sampled_from([0.0, 0.05]),
-    failed=st.integers(0, 4),
+    failed_coil=st.integers(0, 4),
     failed_from=st.floats(0, 30),
     share=st.sampled_from([0.0, 0.5, -1.0]),
 )
 def test_small_steps_of_rods_add_up_to_large_ones(
-    commands, count, drive, regulation, quiet, remanence, failed, failed_from, share
+    commands,
+    count,
+    drive,
+    regulation,
+    quiet,
+    remanence,
+    failed_coil,
+    failed_from,
+    share,
 ):
-    found = []
+    rows = []
     for dt in (10.0, 10.0 / count):
         block = driven(
             axes_coil=tuple(SKEWED.ravel()),
@@ -218,7 +226,7 @@ def test_small_steps_of_rods_add_up_to_large_ones(
             duty_max=0.6,
             pulse_delay=0.7,
             remanence=remanence,
-            failed_coil=failed,
+            failed_coil=failed_coil,
             failed_from=failed_from,
             failed_share=share,
             temperature=333.0,
@@ -227,7 +235,7 @@ def test_small_steps_of_rods_add_up_to_large_ones(
         for k, m in enumerate(commands):
             block.m_cmd_body = m
             row += [*run(block, dt, 10.0 * (k + 1), 10.0 * k)]
-        found.append(
+        rows.append(
             np.hstack(
                 [
                     *row,
@@ -238,8 +246,8 @@ def test_small_steps_of_rods_add_up_to_large_ones(
                 ]
             )
         )
-    size = max(1.0, np.abs(found[0]).max())
-    assert found[1] == pytest.approx(found[0], rel=1e-10, abs=1e-11 * size)
+    size = max(1.0, np.abs(rows[0]).max())
+    assert rows[1] == pytest.approx(rows[0], rel=1e-10, abs=1e-11 * size)
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.4])
@@ -382,12 +390,12 @@ def test_a_motor_brakes_with_its_whole_torque_and_beyond_no_load_by_itself():
     assert block.h_wheel[0] == pytest.approx(
         J * (500.0 + 250.0 * math.exp(-0.2)), rel=1e-9
     )
-    failed = {
+    failure = {
         "failed": 1,
         "h_start_wheel": (J * 750.0, 0.0, 0.0, 0.0),
         "supply_voltage": 5.0,
     }
-    block, *_ = spun(1.0, 0.5, 0.0, **failed)
+    block, *_ = spun(1.0, 0.5, 0.0, **failure)
     assert block.h_wheel[0] == pytest.approx(J * 750.0, rel=1e-14)  # nothing drives it
 
 
@@ -546,12 +554,12 @@ def test_without_their_options_valves_are_nozzles():
         "schedule_nozzle": (0.0, 0.5, 0.0, 1.0) + (0.0,) * 60,
     }
     plain, other = begin("thrusters_nozzles", **same), begin("thrusters_valves", **same)
-    for k, expected in enumerate(
+    for k, command in enumerate(
         [(0.01, -0.02, 0.03), (-0.1, 0.0012, -0.04), (0.0, 0.02, 0.0)]
     ):
         results = []
         for block in (plain, other):
-            block.tau_cmd_thruster_body = expected
+            block.tau_cmd_thruster_body = command
             results.append(np.hstack(run(block, 0.5, 5.0 * (k + 1), 5.0 * k)))
         assert results[1] == pytest.approx(results[0], rel=1e-12, abs=1e-13)
         for name in ("on_time", "propellant", "on_time_nozzle", "schedule_propellant"):
@@ -568,14 +576,14 @@ def test_impulse_and_centre_of_a_pulse_with_edges(dt):
     block = valves(rise_time=rise, decay_time=decay, placement=1)
     block.tau_cmd_thruster_body = (0.04 * 0.2, 0.0, 0.0)
     impulse, first = run(block, dt, 10.0)
-    end, gone = 1.0 - math.exp(-2.0 / rise), math.exp(-4.0 / decay)
+    end, decay_left = 1.0 - math.exp(-2.0 / rise), math.exp(-4.0 / decay)
     up, down = (
         2.0 - rise * end,
-        decay * end * (1.0 - gone),
+        decay * end * (1.0 - decay_left),
     )  # of s while the valve is open, shut
     assert impulse[0] == pytest.approx(0.04 * (up + down), rel=1e-11)
     moment = 2.0 - rise * (rise * end - 2.0 * (1.0 - end))  # int t s dt, from 4 s on
-    moment += decay * end * ((2.0 + decay) * (1.0 - gone) - 4.0 * gone)
+    moment += decay * end * ((2.0 + decay) * (1.0 - decay_left) - 4.0 * decay_left)
     assert first[0] == pytest.approx(0.04 * (moment + 4.0 * (up + down)), rel=1e-11)
     assert block.on_time == pytest.approx(2.0, rel=1e-12)
     used = 0.1 * (up + down) / (9.80665 * 68.0)
@@ -591,13 +599,13 @@ def test_impulse_and_centre_of_a_pulse_with_edges(dt):
     stuck=st.integers(0, 6),
     way=st.sampled_from([CLOSED, OPEN]),
     since=st.floats(0, 30),
-    known=st.booleans(),
+    failure_known=st.booleans(),
     scatter=st.sampled_from([0.0, 0.1]),
 )
 def test_small_steps_of_valves_add_up_to_large_ones(
-    commands, count, rise, decay, stuck, way, since, known, scatter
+    commands, count, rise, decay, stuck, way, since, failure_known, scatter
 ):
-    found = []
+    rows = []
     for dt in (10.0, 10.0 / count):
         block = valves(
             rise_time=rise,
@@ -606,14 +614,14 @@ def test_small_steps_of_valves_add_up_to_large_ones(
             stuck=way,
             stuck_from=since,
             impulse_scatter=scatter,
-            failure_known=known,
+            failure_known=failure_known,
         )
         row = []
-        for k, expected in enumerate(commands):
-            block.tau_cmd_thruster_body = expected
+        for k, command in enumerate(commands):
+            block.tau_cmd_thruster_body = command
             row += [*run(block, dt, 10.0 * (k + 1), 10.0 * k)]
-        found.append(np.hstack([*row, block.on_time_nozzle, block.propellant]))
-    assert found[1] == pytest.approx(found[0], rel=1e-9, abs=1e-10)
+        rows.append(np.hstack([*row, block.on_time_nozzle, block.propellant]))
+    assert rows[1] == pytest.approx(rows[0], rel=1e-9, abs=1e-10)
 
 
 @pytest.mark.parametrize("count", [3, 7, 11, 49])
@@ -639,11 +647,11 @@ def test_scatter_is_of_each_pulse_and_has_its_deviation():
         block.tau_cmd_thruster_body = (0.02, -0.02, 0.02)
         block.advance(float(k), 1.0)
         impulses.append(block.tau_mean_thruster_body)
-    found = np.abs(np.array(impulses)) / 0.02
-    assert found.mean(axis=0) == pytest.approx(np.ones(3), abs=4 * 0.05 / 3000**0.5)
-    assert found.std(axis=0) == pytest.approx(0.05 * np.ones(3), rel=0.06)
-    assert np.abs(np.corrcoef(found.T)[np.triu_indices(3, 1)]).max() < 0.06
-    assert abs(np.corrcoef(found[1:, 0], found[:-1, 0])[0, 1]) < 0.06
+    ratios = np.abs(np.array(impulses)) / 0.02
+    assert ratios.mean(axis=0) == pytest.approx(np.ones(3), abs=4 * 0.05 / 3000**0.5)
+    assert ratios.std(axis=0) == pytest.approx(0.05 * np.ones(3), rel=0.06)
+    assert np.abs(np.corrcoef(ratios.T)[np.triu_indices(3, 1)]).max() < 0.06
+    assert abs(np.corrcoef(ratios[1:, 0], ratios[:-1, 0])[0, 1]) < 0.06
     other = valves(impulse_scatter=0.05, sample_time=1.0, seed=2)
     other.tau_cmd_thruster_body = (0.02, -0.02, 0.02)
     other.advance(0.0, 1.0)
@@ -652,11 +660,11 @@ def test_scatter_is_of_each_pulse_and_has_its_deviation():
 
 def test_a_valve_stuck_closed_and_one_stuck_open():
     """Nozzle 1 is the one of +x: shut from 12.5 s on; or open from then on."""
-    expected = (0.04 * 0.5, 0.0, 0.0)
+    command = (0.04 * 0.5, 0.0, 0.0)
     for way, impulses in ((CLOSED, (5.0, 2.5, 0.0)), (OPEN, (5.0, 2.5 + 7.5, 10.0))):
         block = valves(stuck_nozzle=1, stuck=way, stuck_from=12.5)
         for k, seconds in enumerate(impulses):
-            block.tau_cmd_thruster_body = expected
+            block.tau_cmd_thruster_body = command
             impulse, _ = run(block, 2.5, 10.0 * (k + 1), 10.0 * k)
             assert impulse == pytest.approx((0.04 * seconds, 0.0, 0.0), abs=1e-12)
         assert block.on_time == pytest.approx(sum(impulses), rel=1e-12)

@@ -172,15 +172,15 @@ def test_lag_of_the_gyrostat_reference():
     drive=st.sampled_from([IDEAL, LIMITED, PULSED]),
     lag=st.sampled_from([0.0, 0.05, 3.0]),
     quiet=st.floats(0, 3),
-    failed=st.integers(0, 4),
+    failed_coil=st.integers(0, 4),
     failed_from=st.floats(0, 30),
-    known=st.booleans(),
+    failure_known=st.booleans(),
 )
 def test_small_steps_add_up_to_large_ones(
-    commands, count, drive, lag, quiet, failed, failed_from, known
+    commands, count, drive, lag, quiet, failed_coil, failed_from, failure_known
 ):
     """Impulse, first moment, energies and on-time do not depend on the step."""
-    found = []
+    rows = []
     for dt in (10.0, 10.0 / count):
         block = begin(
             "torquers",
@@ -191,19 +191,19 @@ def test_small_steps_add_up_to_large_ones(
             quiet_time=quiet,
             duty_max=0.6,
             pulse_delay=0.7,
-            failed_coil=failed,
+            failed_coil=failed_coil,
             failed_from=failed_from,
-            failure_known=known,
+            failure_known=failure_known,
         )
         row = []
         for k, m in enumerate(commands):
             block.m_cmd_body = m
             row += [*run(block, dt, 10.0 * (k + 1), 10.0 * k)]
-        found.append(
+        rows.append(
             np.hstack([*row, block.dipole_energy, block.electric_energy, block.on_time])
         )
-    size = max(1.0, np.abs(found[0]).max())
-    assert found[1] == pytest.approx(found[0], rel=1e-11, abs=1e-12 * size)
+    size = max(1.0, np.abs(rows[0]).max())
+    assert rows[1] == pytest.approx(rows[0], rel=1e-11, abs=1e-12 * size)
 
 
 @pytest.mark.parametrize("dt", STEPS)
@@ -270,9 +270,9 @@ def test_the_quiet_time_ends_at_the_sample(name, drive, step, period):
     )
     block.m_cmd_body = (5.0, -5.0, 5.0)
     run(block, step, 3.0 * period)
-    reached = 5.0 * (1.0 - np.exp(-(period - quiet) / lag))  # where the pause begins
+    dipole = 5.0 * (1.0 - np.exp(-(period - quiet) / lag))  # where the pause begins
     share = np.exp(-quiet / lag)  # 1.8 %
-    assert np.abs(block.m_body) == pytest.approx(reached * share, rel=1e-3)
+    assert np.abs(block.m_body) == pytest.approx(dipole * share, rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -300,9 +300,9 @@ def test_each_coil_has_its_limit():
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.02])
-@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("failure_known", [True, False])
 @pytest.mark.parametrize("axes", [np.eye(3, 4), SKEWED])
-def test_failed_coil(axes, known, lag):
+def test_failed_coil(axes, failure_known, lag):
     """Dead from 1.25 s on, inside a step and a sample period; allocated anew from the
     sample on."""
     block = begin(
@@ -310,16 +310,18 @@ def test_failed_coil(axes, known, lag):
         axes_coil=tuple(axes.ravel()),
         failed_coil=2,
         failed_from=1.25,
-        failure_known=known,
+        failure_known=failure_known,
         sample_time=1.0,
         lag=lag,
     )
-    block.m_cmd_body = expected = np.array((5.0, -8.0, 3.0))
+    block.m_cmd_body = command = np.array((5.0, -8.0, 3.0))
     alive = axes * [1, 0, 1, 1]
-    before = np.linalg.pinv(axes) @ expected
+    before = np.linalg.pinv(axes) @ command
     after = (
-        np.linalg.pinv(alive) if known else np.diag([1, 0, 1, 1]) @ np.linalg.pinv(axes)
-    ) @ (expected)
+        np.linalg.pinv(alive)
+        if failure_known
+        else np.diag([1, 0, 1, 1]) @ np.linalg.pinv(axes)
+    ) @ (command)
     run(block, 0.5, 1.0)
     assert block.m_coil == pytest.approx(before)
     run(block, 0.5, 1.5, 1.0)
@@ -330,8 +332,8 @@ def test_failed_coil(axes, known, lag):
     run(block, 0.5, 4.0, 1.5)
     assert block.m_coil == pytest.approx(after)
     assert block.m_mean_body == pytest.approx(axes @ after, abs=1e-12)
-    if known and axes is SKEWED:
-        assert block.m_body == pytest.approx(expected), "three of four still span space"
+    if failure_known and axes is SKEWED:
+        assert block.m_body == pytest.approx(command), "three of four still span space"
 
 
 @given(st.integers(0, 10_000), st.integers(0, 3))
@@ -342,8 +344,8 @@ def test_pseudo_inverse_of_any_rank(seed, rank):
         np.linalg.qr(rng.normal(size=(4, 4)))[0],
     )
     matrix = u[:, :rank] @ np.diag(rng.uniform(0.3, 2, rank)) @ v[:rank]
-    found = np.reshape(pseudo_inverse(tuple(matrix.ravel())), (4, 3))
-    assert found == pytest.approx(np.linalg.pinv(matrix, rcond=1e-9), abs=1e-11)
+    inverse = np.reshape(pseudo_inverse(tuple(matrix.ravel())), (4, 3))
+    assert inverse == pytest.approx(np.linalg.pinv(matrix, rcond=1e-9), abs=1e-11)
 
 
 @pytest.mark.parametrize(
@@ -401,7 +403,7 @@ def test_a_pulse_of_37_ms_is_exact_at_any_step(name, dt, placement, start):
 def test_thrusters_small_steps_add_up_to_large_ones(
     commands, count, name, placement, firing
 ):
-    found = []
+    rows = []
     for dt in (10.0, 10.0 / count):
         block = begin(
             name,
@@ -415,10 +417,10 @@ def test_thrusters_small_steps_add_up_to_large_ones(
         for k, torque in enumerate(commands):
             block.tau_cmd_thruster_body = torque
             row += [*run(block, dt, 10.0 * (k + 1), 10.0 * k)]
-        found.append(
+        rows.append(
             np.hstack([*row, block.on_time, block.propellant, block.schedule_on_time])
         )
-    assert found[1] == pytest.approx(found[0], rel=1e-10, abs=1e-11)
+    assert rows[1] == pytest.approx(rows[0], rel=1e-10, abs=1e-11)
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -504,21 +506,21 @@ def test_a_direction_is_a_unit_vector():
 # --- allocation to nozzles ------------------------------------------------------------
 
 
-def nozzles(rng: np.random.Generator, canted: bool) -> np.ndarray:
+def nozzles(rng: np.random.Generator, are_canted: bool) -> np.ndarray:
     """Torques (N m) of some nozzles as columns: random, or of pairs with equal torques."""
     torques = 0.04 * rng.normal(size=(3, rng.integers(1, 9)))
     return (
         torques
-        if canted
+        if are_canted
         else 0.04 * np.hstack([np.eye(3), -np.eye(3), np.eye(3)[:, :2]])
     )
 
 
-@pytest.mark.parametrize("canted", [True, False])
+@pytest.mark.parametrize("are_canted", [True, False])
 @pytest.mark.parametrize("seed", range(150))
-def test_on_times_are_the_optimum_of_the_linear_programme(seed, canted):
+def test_on_times_are_the_optimum_of_the_linear_programme(seed, are_canted):
     rng = np.random.default_rng(seed)
-    a = nozzles(rng, canted)
+    a = nozzles(rng, are_canted)
     n, longest = a.shape[1], 10.0
     impulses = [
         rng.choice([1e-4, 0.1, 1.0]) * rng.normal(size=3),  # perhaps more than they can

@@ -61,11 +61,11 @@ def test_the_first_rows_of_a_table_may_stand_alone_but_not_those_of_a_matrix() -
     from desat.system.interface import interface_of_block
 
     interface = interface_of_block("disturbance_table")
-    found = expand(
+    values = expand(
         interface, "torque", [[0.0, 1.0, 2.0, 3.0], [5.0, 0.0, 0.0, 0.0]], "x"
     )
-    assert [found[f"torque[1,{k}]"] for k in (1, 2, 3, 4)] == [0.0, 1.0, 2.0, 3.0]
-    assert found["torque[256,4]"] == 0.0
+    assert [values[f"torque[1,{k}]"] for k in (1, 2, 3, 4)] == [0.0, 1.0, 2.0, 3.0]
+    assert values["torque[256,4]"] == 0.0
     with pytest.raises(DesatError, match="has rows of 4 values, got rows of 3"):
         expand(interface, "torque", [[0.0, 1.0, 2.0]], "x")
     wheels = interface_of_block("wheels")

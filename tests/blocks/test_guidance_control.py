@@ -25,7 +25,7 @@ def block(name, **values):
     return begin(new_block)
 
 
-def turned(axis, degrees):
+def make_rotation(axis, degrees):
     """The quaternion of a rotation about an axis."""
     half = math.radians(degrees) / 2
     n = math.sqrt(sum(x * x for x in axis))
@@ -90,8 +90,8 @@ def test_nadir_rate_is_the_derivative_of_the_attitude(stretch, q_bo):
             guidance.r_eci, guidance.v_eci = orbiting(moment)
             guidance.advance(moment, 1.0)
             q.append(guidance.q_ref_bi)
-        expected = rate_of(q[0], q[2], q[1], h)
-        assert guidance.omega_ref_body == pytest.approx(expected, abs=3e-10)
+        rate = rate_of(q[0], q[2], q[1], h)
+        assert guidance.omega_ref_body == pytest.approx(rate, abs=3e-10)
         rates.append(math.dist(guidance.omega_ref_body, (0, 0, 0)))
     if stretch == 1.0:
         assert rates == pytest.approx([orbit.mean_motion(r0)] * 60, rel=1e-8)
@@ -134,12 +134,12 @@ def test_nadir_quaternion_has_no_jumps():
 def test_guidance_is_sampled():
     guidance = block("guidance_nadir", sample_time=10.0)
     guidance.advance(0.0, 1.0)
-    held = guidance.q_ref_bi
+    first_reference = guidance.q_ref_bi
     guidance.r_eci = (0.0, 7.0e6, 1.0e6)
     guidance.advance(9.0, 1.0)
-    assert guidance.q_ref_bi == held
+    assert guidance.q_ref_bi == first_reference
     guidance.advance(10.0, 1.0)
-    assert guidance.q_ref_bi != held
+    assert guidance.q_ref_bi != first_reference
 
 
 def test_inertial_reference_rests():
@@ -188,8 +188,8 @@ def test_slew_rate_is_the_derivative_of_the_attitude():
     h, largest = 0.5, 0.0
     for t in np.linspace(50.0, 5550.0, 221):
         q = [slew_at(guidance, t + d)[0] for d in (-h, h, 0.0)]
-        expected = rate_of(q[0], q[2], q[1], h)
-        assert guidance.omega_ref_body == pytest.approx(expected, abs=1e-10)
+        rate = rate_of(q[0], q[2], q[1], h)
+        assert guidance.omega_ref_body == pytest.approx(rate, abs=1e-10)
         largest = max(largest, math.dist(guidance.omega_ref_body, (0, 0, 0)))
     angle = attitude.error_angle(SLEW["q_end_bi"], TURN)
     assert largest == pytest.approx(15 / 8 * angle / 5400, rel=1e-3)
@@ -284,7 +284,7 @@ def test_pid_is_the_gyrostats_controller():
         q_ref_bi=tuple(map(float, (*q_ref[1:], q_ref[0]))),
     )
     rng = np.random.default_rng(3)
-    xi, cut, largest = np.zeros(3), 0, 0.0
+    xi, cut_count, largest = np.zeros(3), 0, 0.0
     for k in range(3000):
         # small errors, which do not saturate, and any attitude by turns
         spread = 10.0 ** rng.uniform(-4, 1)
@@ -294,15 +294,15 @@ def test_pid_is_the_gyrostats_controller():
         error = hamilton(q_ref * [1, -1, -1, -1], q)
         e = error[1:] * (1 if error[0] >= 0 else -1)
         xi = np.clip(xi + ts * e, -0.5, 0.5)
-        expected = 2 * kp * e + kd * np.array(omega) + ki * xi
-        tau_wheels = np.clip(expected, -limit, limit)
+        command = 2 * kp * e + kd * np.array(omega) + ki * xi
+        tau_wheels = np.clip(command, -limit, limit)
         controller.q_bi = tuple(map(float, (*q[1:], q[0])))
         controller.omega_bi_body = omega
         controller.advance(k * ts, ts)
         assert np.abs(tau_wheels + controller.tau_ctrl_body).max() < 1e-15
-        cut += (expected != tau_wheels).any()
+        cut_count += (command != tau_wheels).any()
         largest = max(largest, np.abs(xi).max())
-    assert 500 < cut < 2900
+    assert 500 < cut_count < 2900
     assert largest == 0.5
 
 
@@ -342,7 +342,9 @@ def test_law_against_matrices(name):
 
 
 def test_the_torque_turns_the_body_back():
-    controller = block("controller_pd", kp=2.0, kd=3.0, q_bi=turned((0, 0, 1), 1.0))
+    controller = block(
+        "controller_pd", kp=2.0, kd=3.0, q_bi=make_rotation((0, 0, 1), 1.0)
+    )
     controller.advance(0.0, 1.0)
     # turned too far about +z: torque about -z, kp times half the angle
     assert controller.tau_ctrl_body == pytest.approx(
@@ -370,7 +372,7 @@ def test_on_its_reference_there_is_no_torque_at_any_attitude(name):
 def test_a_reference_rate_is_the_same_vector_seen_from_the_body():
     """Off by 90 deg about x, turning with the reference in inertial space: no rate
     error."""
-    dq, omega_ref = turned((1, 0, 0), 90), (0.0, -1e-3, 0.0)
+    dq, omega_ref = make_rotation((1, 0, 0), 90), (0.0, -1e-3, 0.0)
     q = attitude.product(dq, TURN)
     _, d_omega = attitude_control.tracking_error(q, (0.0, 0.0, 1e-3), TURN, omega_ref)
     assert d_omega == pytest.approx((0, 0, 0), abs=1e-18)
@@ -408,14 +410,14 @@ def test_half_a_turn_is_no_equilibrium():
 
 @pytest.mark.parametrize("name", ["controller_pd", "controller_pid"])
 def test_torque_limit(name):
-    values = {"kp": 1.0, "q_bi": turned((1, -0.01, 0.0), 60)}
+    values = {"kp": 1.0, "q_bi": make_rotation((1, -0.01, 0.0), 60)}
     free = block(name, **values)
     free.advance(0.0, 1.0)
     x, y, z = free.tau_ctrl_body
-    held = block(name, **values, torque_limit=0.02)
-    held.advance(0.0, 1.0)
+    limited_block = block(name, **values, torque_limit=0.02)
+    limited_block.advance(0.0, 1.0)
     assert abs(x) > 0.4
-    assert held.tau_ctrl_body == (-0.02, y, z)
+    assert limited_block.tau_ctrl_body == (-0.02, y, z)
 
 
 def integral(controller):
@@ -427,7 +429,7 @@ ONLY_INTEGRAL = {
     "kp": 0.0,
     "kd": 0.0,
     "ki": 1.0,
-    "q_bi": turned((0, 0, 1), 60),
+    "q_bi": make_rotation((0, 0, 1), 60),
 }  # e = (0, 0, 0.5)
 
 
@@ -449,19 +451,19 @@ def test_integral_leaves_its_limit_at_once():
     controller = block("controller_pid", **ONLY_INTEGRAL, integral_limit=1.0)
     for k in range(10):
         controller.advance(float(k), 1.0)
-    controller.q_bi = turned((0, 0, 1), -60)
+    controller.q_bi = make_rotation((0, 0, 1), -60)
     controller.advance(10.0, 1.0)
     assert integral(controller) == pytest.approx((0, 0, 0.5))
 
 
 @pytest.mark.parametrize("name", ["controller_pd", "controller_pid"])
 def test_disabled_there_is_no_torque_and_the_integral_is_reset(name):
-    def run(*enabled):
+    def run(*switches):
         controller = block(
-            name, q_bi=turned((0, 0, 1), 60), omega_bi_body=(0.1, 0.0, 0.0)
+            name, q_bi=make_rotation((0, 0, 1), 60), omega_bi_body=(0.1, 0.0, 0.0)
         )
         torques = []
-        for k, on in enumerate(enabled):
+        for k, on in enumerate(switches):
             controller.enable = on
             controller.advance(float(k), 1.0)
             torques.append(controller.tau_ctrl_body)
@@ -475,11 +477,11 @@ def test_disabled_there_is_no_torque_and_the_integral_is_reset(name):
 
 def test_anti_windup_holds_the_integral_while_torque_is_cut():
     values = {"kp": 1.0, "kd": 0.0, "ki": 0.1, "torque_limit": 0.3, "anti_windup": True}
-    controller = block("controller_pid", **values, q_bi=turned((0, 0, 1), 60))
+    controller = block("controller_pid", **values, q_bi=make_rotation((0, 0, 1), 60))
     for k in range(50):
         controller.advance(float(k), 1.0)
         assert controller.tau_ctrl_body == (0.0, 0.0, -0.3)
-    controller.q_bi = turned((0, 0, 1), 0.2)
+    controller.q_bi = make_rotation((0, 0, 1), 0.2)
     controller.advance(50.0, 1.0)
     e = math.sin(math.radians(0.1))
     assert controller.tau_ctrl_body[2] == pytest.approx(-(e + 0.1 * e), abs=1e-15)
@@ -493,12 +495,12 @@ def test_anti_windup_lets_the_integral_shrink():
         "torque_limit": 1.0,
         "anti_windup": True,
     }
-    controller = block("controller_pid", **values, q_bi=turned((0, 0, 1), 2))
+    controller = block("controller_pid", **values, q_bi=make_rotation((0, 0, 1), 2))
     for k in range(50):
         controller.advance(float(k), 1.0)
     e = math.sin(math.radians(1))
     assert controller.tau_ctrl_body[2] == pytest.approx(-(10 + 5) * e)
-    controller.q_bi = turned((0, 0, 1), -60)  # cut now, on the other side
+    controller.q_bi = make_rotation((0, 0, 1), -60)  # cut now, on the other side
     controller.advance(50.0, 1.0)
     assert controller.tau_ctrl_body == (0.0, 0.0, 1.0)
     controller.q_bi = (0.0, 0.0, 0.0, 1.0)
@@ -544,7 +546,7 @@ def test_pid_settles_from_90_degrees_and_bears_a_load():
     of 1e-6 N m: the integral takes it off (its rate ki / kp is 2e-3 1/s)."""
     load = np.array([1e-6, -1e-6, 5e-7])
     limit = {"controller_pd": {}, "controller_pid": {"integral_limit": 1.5}}
-    q0 = turned((1, 2, -1), 90)
+    q0 = make_rotation((1, 2, -1), 90)
     angles = {}
     for name in ("controller_pd", "controller_pid"):
         controller = block(name, gain_matrix=INERTIA, sample_time=1.0, **limit[name])
@@ -565,7 +567,7 @@ def test_pid_goes_the_short_way():
         "controller_pid", gain_matrix=INERTIA, sample_time=1.0, integral_limit=1.0
     )
     q0 = tuple(
-        -x for x in turned((1, 0, 0), 90)
+        -x for x in make_rotation((1, 0, 0), 90)
     )  # scalar < 0: unwinding would turn by 270 deg
     rows = closed_loop(controller, q0, (0.0, 0.0, 0.0), 200)
     angles = [attitude.error_angle(q, (0, 0, 0, 1)) for q, _ in rows]

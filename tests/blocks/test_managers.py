@@ -33,12 +33,12 @@ def test_the_manager_asks_the_law_it_is_told(law):
     block.omega_bi_body = omega = (0.0, -1e-3, 0.0)
     offsets = dumping.lqr_offsets(omega, rate, n_con, 600.0, 10.0)
     start = dumping.mec_costate(h, omega, n_con, 600.0)
-    expected = (
+    law_dump = (
         dumping.ilqr(h, omega, rate, n_con),
         dumping.lqr(h, rate, 600.0, offsets[:3]),
         dumping.mec(start, omega, 0.0),
     )[law]
-    assert block.dump(0.0, 0.0, h)[0] == pytest.approx(expected, rel=1e-12)
+    assert block.dump(0.0, 0.0, h)[0] == pytest.approx(law_dump, rel=1e-12)
 
 
 @pytest.mark.parametrize("wheel", range(4))

@@ -241,9 +241,9 @@ def test_quantisation_and_range(name):
 def test_without_noise_a_quantised_value_is_the_nearest(name):
     _, output, value = SENSORS[name]
     q = max(map(abs, value)) / 7.3
-    found = getattr(sensor(name, resolution=q), output)
-    assert np.abs(np.array(found) - value).max() <= q / 2
-    assert found == pytest.approx([q * round(x / q) for x in value], abs=1e-18)
+    measurement = getattr(sensor(name, resolution=q), output)
+    assert np.abs(np.array(measurement) - value).max() <= q / 2
+    assert measurement == pytest.approx([q * round(x / q) for x in value], abs=1e-18)
 
 
 @pytest.mark.parametrize("name", SENSORS)
@@ -256,8 +256,8 @@ def test_a_failed_sensor_is_invalid_and_holds(name):
         rows.append(getattr(block, output))
         valid.append(block.valid)
     assert valid == [True] * 6 + [False] * 6
-    held = (0.0, 0.0, 0.0) if name == "sun_sensor" else rows[5]
-    assert rows[6:] == [held] * 6
+    last_valid = (0.0, 0.0, 0.0) if name == "sun_sensor" else rows[5]
+    assert rows[6:] == [last_valid] * 6
     assert rows[5] != rows[3]
 
 
@@ -315,16 +315,18 @@ def test_magnetometer_and_tachometers_draw_from_streams_of_their_own():
 def test_magnetometer_turned_and_scaled():
     """A sensor turned about z by a reads C(a) b, to a^2; its x axis 10 % too long."""
     a, (x, y, z) = 1e-4, SENSORS["magnetometer"][2]
-    turned = sensor(
+    rotated_sensor = sensor(
         "magnetometer", response_error=(0.0, a, 0.0, -a, 0.0, 0.0, 0.0, 0.0, 0.0)
     )
     c, s = math.cos(a), math.sin(a)
-    assert turned.b_body == pytest.approx(
+    assert rotated_sensor.b_body == pytest.approx(
         (c * x + s * y, c * y - s * x, z), abs=a * a * 4e-5
     )
     bias = (3e-6, 0.0, 0.0)  # what is read in no field: not scaled
-    scaled = sensor("magnetometer", response_error=(0.1, *(0.0,) * 8), bias_body=bias)
-    assert scaled.b_body == pytest.approx((1.1 * x + 3e-6, y, z), rel=1e-14)
+    scaled_sensor = sensor(
+        "magnetometer", response_error=(0.1, *(0.0,) * 8), bias_body=bias
+    )
+    assert scaled_sensor.b_body == pytest.approx((1.1 * x + 3e-6, y, z), rel=1e-14)
 
 
 def test_gyro_bias_and_scale_error():
@@ -393,10 +395,10 @@ def test_gyro_has_the_allan_deviation_of_its_walks():
     )
     x = samples(block, "omega_meas_body", N)
     terms = np.array([[1 / tau, tau / 3] for tau in (1, 100)])
-    found = np.sqrt(
+    coefficients = np.sqrt(
         np.linalg.solve(terms, [allan_variance(x, tau) for tau in (1, 100)])
     )
-    assert found == pytest.approx([angle_walk, rate_walk], rel=0.1)
+    assert coefficients == pytest.approx([angle_walk, rate_walk], rel=0.1)
 
 
 def test_gyro_has_the_floor_of_its_bias_instability():
@@ -424,8 +426,8 @@ def test_gyro_turned_by_a_small_angle():
         "rate_gyro", misalignment_body=(0.0, 0.0, a), omega_bi_body=(x, y, z)
     )
     c, s = math.cos(a), math.sin(a)
-    turned = (c * x + s * y, c * y - s * x, z)
-    assert block.omega_meas_body == pytest.approx(turned, abs=a * a * 3e-3)
+    rotated_rate = (c * x + s * y, c * y - s * x, z)
+    assert block.omega_meas_body == pytest.approx(rotated_rate, abs=a * a * 3e-3)
 
 
 def test_gyro_bias_instability_needs_a_time():
@@ -449,10 +451,10 @@ def test_misalignment_turns_the_measured_frame_about_the_bodys_axis():
     a = 0.2
     block = sensor("attitude_determination", misalignment_body=(0.0, 0.0, a))
     v = attitude.rotate_back(Q, (1.0, 0.0, 0.0))  # along the true x axis
-    seen = attitude.rotate(block.q_meas_bi, v)
-    assert seen == pytest.approx((math.cos(a), -math.sin(a), 0.0), abs=1e-15)
-    turned = attitude.product((0.0, 0.0, math.sin(a / 2), math.cos(a / 2)), Q)
-    assert block.q_meas_bi == pytest.approx(turned, abs=1e-15)
+    measured_vector = attitude.rotate(block.q_meas_bi, v)
+    assert measured_vector == pytest.approx((math.cos(a), -math.sin(a), 0.0), abs=1e-15)
+    rotated_attitude = attitude.product((0.0, 0.0, math.sin(a / 2), math.cos(a / 2)), Q)
+    assert block.q_meas_bi == pytest.approx(rotated_attitude, abs=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -471,9 +473,11 @@ def test_drift_is_a_gauss_markov_process(sample_time, correlation_time):
     assert np.abs(x.mean()) < 4 / math.sqrt(independent / 2)
     assert (x * x).mean() == pytest.approx(1, abs=4 * math.sqrt(2 / independent))
     for lag in (1, 2, 5, 20, 100):
-        expected = math.exp(-lag * sample_time / correlation_time)
-        found = (x[lag:] * x[:-lag]).mean()
-        assert found == pytest.approx(expected, abs=4 * math.sqrt(2 / independent))
+        correlation = math.exp(-lag * sample_time / correlation_time)
+        autocorrelation = (x[lag:] * x[:-lag]).mean()
+        assert autocorrelation == pytest.approx(
+            correlation, abs=4 * math.sqrt(2 / independent)
+        )
     decay = math.exp(-sample_time / correlation_time)
     is_white(x[1:] - decay * x[:-1], math.sqrt(1 - decay**2))  # its driving noise
 
@@ -533,9 +537,9 @@ def test_error_of_constant_norm_in_a_drawn_direction():
 
 
 @pytest.mark.parametrize(
-    ("angle", "seen"), [(0.0, True), (59.99, True), (60.01, False)]
+    ("angle", "is_visible"), [(0.0, True), (59.99, True), (60.01, False)]
 )
-def test_sun_is_seen_within_the_field_of_view(angle, seen):
+def test_sun_is_seen_within_the_field_of_view(angle, is_visible):
     a = math.radians(angle)
     block = sensor(
         "sun_sensor",
@@ -543,9 +547,9 @@ def test_sun_is_seen_within_the_field_of_view(angle, seen):
         half_angle=math.radians(60),
         boresight_body=(2.0, 0.0, 0.0),
     )
-    assert block.valid == seen
-    expected = (math.cos(a), math.sin(a), 0.0) if seen else (0.0, 0.0, 0.0)
-    assert block.sun_meas_body == pytest.approx(expected, abs=1e-15)
+    assert block.valid == is_visible
+    direction = (math.cos(a), math.sin(a), 0.0) if is_visible else (0.0, 0.0, 0.0)
+    assert block.sun_meas_body == pytest.approx(direction, abs=1e-15)
 
 
 def test_sun_direction_is_in_the_body_frame():
@@ -564,13 +568,13 @@ def test_a_field_of_view_of_pi_sees_everywhere():
 
 
 @pytest.mark.parametrize(
-    ("sunlight", "seen"), [(1.0, True), (0.3, True), (0.29, False), (0, False)]
+    ("sunlight", "is_visible"), [(1.0, True), (0.3, True), (0.29, False), (0, False)]
 )
-def test_no_sun_in_eclipse(sunlight, seen):
+def test_no_sun_in_eclipse(sunlight, is_visible):
     block = sensor("sun_sensor", sunlight=sunlight, sunlight_min=0.3)
     block.advance(0.0, 1.0)
-    assert block.valid == seen
-    assert any(block.sun_meas_body) == seen
+    assert block.valid == is_visible
+    assert any(block.sun_meas_body) == is_visible
 
 
 def test_no_sun_where_none_is_modelled():
@@ -613,8 +617,10 @@ def test_star_tracker_drifts_with_its_correlation_time():
     )
     for axis in x.T:
         for lag in (1, 5):
-            found = (axis[:-lag] * axis[lag:]).mean() / axis.var()
-            assert found == pytest.approx(math.exp(-lag / 5), abs=5 / math.sqrt(count))
+            correlation = (axis[:-lag] * axis[lag:]).mean() / axis.var()
+            assert correlation == pytest.approx(
+                math.exp(-lag / 5), abs=5 / math.sqrt(count)
+            )
 
 
 @pytest.mark.parametrize(
@@ -657,15 +663,15 @@ def test_star_tracker_holds_until_the_stars_are_acquired_again():
     block = sensor(
         "star_tracker", rate_limit=0.02, reacquisition_time=3.0, sample_time=1.0
     )
-    reasons, held = [], []
+    reasons, attitudes = [], []
     for k in range(10):
         block.omega_bi_body = (0.03, 0.0, 0.0) if k in (2, 3) else (0.0, 0.0, 0.0)
         block.q_bi = attitude.propagate(Q, (0.01, 0.0, 0.0), k)
         block.advance(float(k), 1.0)
         reasons.append(block.lost_to)
-        held.append(block.q_meas_bi)
+        attitudes.append(block.q_meas_bi)
     assert reasons == [0, 0, 3, 3, 5, 5, 0, 0, 0, 0]
-    assert held[1] == held[2] == held[5] != held[6]
+    assert attitudes[1] == attitudes[2] == attitudes[5] != attitudes[6]
 
 
 def test_star_tracker_drops_out_at_its_mean_interval():
@@ -712,19 +718,19 @@ def test_star_tracker_refuses_what_cannot_be(values, message):
 
 
 @pytest.mark.parametrize(
-    ("parameter", "needed"),
+    ("parameter", "input_name"),
     [
         ("sun_exclusion", "sun_eci"),
         ("earth_exclusion", "r_eci"),
         ("rate_limit", "omega_bi_body"),
     ],
 )
-def test_star_tracker_refuses_a_blinding_that_it_cannot_see(parameter, needed):
+def test_star_tracker_refuses_a_blinding_that_it_cannot_see(parameter, input_name):
     block = sensor("star_tracker", sun_eci=(1.0, 0.0, 0.0), **{parameter: 0.1})
     wires = {"q_bi", "sun_eci", "r_eci", "omega_bi_body"}
     assert not list(block.foresee(0.0, 10.0, frozenset(wires)))
-    with pytest.raises(ValueError, match=f"needs {needed}, which has no wire"):
-        list(block.foresee(0.0, 10.0, frozenset(wires - {needed})))
+    with pytest.raises(ValueError, match=f"needs {input_name}, which has no wire"):
+        list(block.foresee(0.0, 10.0, frozenset(wires - {input_name})))
 
 
 def test_star_tracker_flies_a_craft_without_determination():
@@ -748,8 +754,8 @@ def test_star_tracker_flies_a_craft_without_determination():
     )
     assert prompt.results.values("controller.tau_ctrl_body")[missing == 4].any() == 0
     orbit = 360.0 / 5739.0  # deg/s
-    found = number(late, "pointing_mean")
-    assert found == pytest.approx(orbit, rel=2e-3)
+    pointing_mean = number(late, "pointing_mean")
+    assert pointing_mean == pytest.approx(orbit, rel=2e-3)
     assert number(prompt, "pointing_mean") < 0.2 * orbit
 
 

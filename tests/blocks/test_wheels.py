@@ -106,11 +106,15 @@ def test_a_rotor_above_its_limit_brakes_to_it_with_the_torque_limit(way):
     motor = (j, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.02)
     rotor = (way * j * 8.0, 0.0, 0.0, 0.0)
     (h, *_), integral = step(motor, rotor, way * 0.02, 0.0, way * change, dt, fastest)
-    lasted = 2.0 / (0.02 / j + change)
-    braked = j * 8.0 * lasted - 0.5 * 0.02 * lasted**2
-    held = j * (fastest * (dt - lasted) + 0.5 * change * (dt**2 - lasted**2))
+    braking_time = 2.0 / (0.02 / j + change)
+    braking_integral = j * 8.0 * braking_time - 0.5 * 0.02 * braking_time**2
+    limit_integral = j * (
+        fastest * (dt - braking_time) + 0.5 * change * (dt**2 - braking_time**2)
+    )
     assert h == pytest.approx(way * j * (fastest + change), rel=1e-12)
-    assert integral == pytest.approx(way * (braked + held), rel=1e-12)
+    assert integral == pytest.approx(
+        way * (braking_integral + limit_integral), rel=1e-12
+    )
 
 
 def test_a_motor_that_ends_its_command_may_reach_the_limit():
@@ -119,10 +123,12 @@ def test_a_motor_that_ends_its_command_may_reach_the_limit():
     motor = (j, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.1)
     rotor = (j * 5.0, torque, 0.0, 0.0)
     (h, *_), integral = step(motor, rotor, 0.0, 0.0, 0.0, 1.0, fastest)
-    met = -math.log(1.0 - j / torque)
-    before = j * 5.0 * met + torque * (met - j / torque)
+    limit_time = -math.log(1.0 - j / torque)
+    before = j * 5.0 * limit_time + torque * (limit_time - j / torque)
     assert h == pytest.approx(j * fastest, rel=1e-12)
-    assert integral == pytest.approx(before + j * fastest * (1.0 - met), rel=1e-9)
+    assert integral == pytest.approx(
+        before + j * fastest * (1.0 - limit_time), rel=1e-9
+    )
 
 
 def test_a_limit_is_met_by_a_motor_that_turns_back_within_the_step():
@@ -149,14 +155,14 @@ def test_a_standing_rotor_turns_with_the_body_until_its_motor_breaks_it_loose(wa
     loose = -lag * math.log(1.0 - (5e-4 + j * change) / 2e-3)
     moving, stood = 1.0 - loose, j * (0.1 + change * loose)
     before, after = math.exp(-loose / lag), math.exp(-1.0 / lag)
-    pushed = 2e-3 * (moving - lag * (before - after)) - coulomb * moving
+    motor_impulse = 2e-3 * (moving - lag * (before - after)) - coulomb * moving
     of_moving = lag * (lag * (before - after) - moving * before)
     of_moving = 2e-3 * (0.5 * moving**2 + of_moving)
     of_moving += stood * moving - 0.5 * coulomb * moving**2
     of_standing = j * (0.1 * loose + 0.5 * change * loose**2)
-    expected = stood + pushed
+    momentum = stood + motor_impulse
     assert integral == pytest.approx(way * (of_standing + of_moving), rel=1e-9)
-    assert (h, moves) == (pytest.approx(way * expected, rel=1e-9), way)
+    assert (h, moves) == (pytest.approx(way * momentum, rel=1e-9), way)
     assert torque == pytest.approx(way * 2e-3 * (1.0 - math.exp(-1.0 / lag)), rel=1e-12)
 
 
@@ -267,13 +273,13 @@ def test_a_stuck_rotor_turns_with_the_body():
 
 def test_the_speed_loop_compensates_friction():
     plain = wheels(viscous=2e-5, coulomb=5e-4, h_start_wheel=(0.4, 0, 0, 0))
-    looped = wheels(
+    compensating = wheels(
         viscous=2e-5, coulomb=5e-4, h_start_wheel=(0.4, 0, 0, 0), compensation=2.0
     )
     run(plain, 100, 1.0)
-    run(looped, 100, 1.0)
+    run(compensating, 100, 1.0)
     assert plain.h_wheel[0] < 0.3
-    assert looped.h_wheel[0] == pytest.approx(0.4, abs=1e-3)
+    assert compensating.h_wheel[0] == pytest.approx(0.4, abs=1e-3)
 
 
 def test_speed_mode_reaches_the_speed():
@@ -427,11 +433,11 @@ def test_speed_mode_does_not_depend_on_the_step(dt):
         run(block, round(20 / dt), dt, round(20 / dt) * k)
         run(fine, 200, 0.1, 200 * k)
         assert block.h_wheel == pytest.approx(fine.h_wheel, abs=1e-11)
-    held = 1.0 / (
+    loop_gain = 1.0 / (
         1.0 + 2e-5 / (0.5 * J)
     )  # what a proportional loop reaches against friction
-    expected = tuple(J * held * x for x in (3.0, -2.0, 1.0, 0.0))
-    assert block.h_wheel == pytest.approx(expected, abs=1e-8)
+    momenta = tuple(J * loop_gain * x for x in (3.0, -2.0, 1.0, 0.0))
+    assert block.h_wheel == pytest.approx(momenta, abs=1e-8)
 
 
 def test_a_speed_loop_faster_than_its_samples_is_refused():

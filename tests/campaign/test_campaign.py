@@ -90,9 +90,9 @@ def full_campaign(own_scenario, tmp_path_factory) -> Path:
 def test_processes_that_die_lose_their_calls_alone():
     tasks = [(n, (n,)) for n in range(12)]
     with Local(dies_or_not, 2, limit=3.0) as workers:
-        found = dict(results(workers, tasks, lambda key, reason: ()))
-    assert sorted(found) == list(range(12))
-    for number, result in found.items():
+        answers = dict(results(workers, tasks, lambda key, reason: ()))
+    assert sorted(answers) == list(range(12))
+    for number, result in answers.items():
         if number == 6:
             assert result == NoResult("it was not over within 3 s", timeout=True)
         elif number % 3 == 1:
@@ -103,8 +103,8 @@ def test_processes_that_die_lose_their_calls_alone():
 
 def test_a_process_that_ends_without_an_answer_is_lost():
     with Local(os._exit, 1, limit=3.0) as workers:
-        found = dict(results(workers, [(0, (0,))], lambda key, reason: ()))
-    assert found == {0: NoResult("its process ended by exit(0)")}
+        answers = dict(results(workers, [(0, (0,))], lambda key, reason: ()))
+    assert answers == {0: NoResult("its process ended by exit(0)")}
 
 
 # --- sampling -------------------------------------------------------------------------
@@ -146,17 +146,19 @@ def test_latin_hypercube_has_one_case_in_each_stratum(system):
 def test_a_cut_normal_stays_within_and_leaves_the_other_draws_as_they_were(system):
     """Draw 33 of seed 1 has a wheel beyond its limit without the cut."""
     name = "wheels.h_start_wheel"
-    written = copy.deepcopy(system.about.written["dispersions"])
-    del written[name]["within"]
+    dispersions = copy.deepcopy(system.about.written["dispersions"])
+    del dispersions[name]["within"]
     free = copy.copy(system)
-    free.about = but(system.about, dispersions=written)
-    cut, full_campaign = (
+    free.about = but(system.about, dispersions=dispersions)
+    cut_draws, full_campaign = (
         [draw_of(s, 1, i)[name] for i in range(100)] for s in (system, free)
     )
-    changed = [i for i in range(100) if cut[i] != full_campaign[i]]
-    assert changed == [i for i in range(100) if max(map(abs, full_campaign[i])) > 0.02]
-    assert 33 in changed
-    assert np.abs(cut).max() <= 0.02
+    changed_draws = [i for i in range(100) if cut_draws[i] != full_campaign[i]]
+    assert changed_draws == [
+        i for i in range(100) if max(map(abs, full_campaign[i])) > 0.02
+    ]
+    assert 33 in changed_draws
+    assert np.abs(cut_draws).max() <= 0.02
 
 
 @pytest.mark.parametrize(
@@ -237,14 +239,14 @@ def test_a_case_is_the_draw_of_the_same_number(full_campaign, own_scenario, tmp_
 
 
 def test_kept_cases_have_their_series(full_campaign):
-    expected = {0, 150, *coordinator.worst(full_campaign, "coil_load", 1)}
-    assert {int(p.name) for p in (full_campaign / "kept").iterdir()} == expected
+    kept_numbers = {0, 150, *coordinator.worst(full_campaign, "coil_load", 1)}
+    assert {int(p.name) for p in (full_campaign / "kept").iterdir()} == kept_numbers
     folder = coordinator.kept_in(full_campaign, 150)
     assert (folder / "report.html").exists()
-    saved = json.loads((folder / "manifest.json").read_text())["numbers"]["coil_load"][
-        "value"
-    ]
-    assert saved == store.read(full_campaign)["out.coil_load"][150].as_py()
+    kept_value = json.loads((folder / "manifest.json").read_text())["numbers"][
+        "coil_load"
+    ]["value"]
+    assert kept_value == store.read(full_campaign)["out.coil_load"][150].as_py()
 
 
 @pytest.mark.slow
@@ -299,13 +301,13 @@ def _until(condition) -> None:
 
 def _children(pid: int) -> list[int]:
     text = Path(f"/proc/{pid}/task/{pid}/children")
-    found = [
+    children = [
         int(p)
         for t in text.parent.parent.iterdir()
         for p in (t / "children").read_text().split()
     ]
     return [
-        p for p in found if b"spawn_main" in Path(f"/proc/{p}/cmdline").read_bytes()
+        p for p in children if b"spawn_main" in Path(f"/proc/{p}/cmdline").read_bytes()
     ]
 
 
@@ -413,7 +415,7 @@ def test_clusters_that_do_not_serve(
     alone = [*of, "--no-nanny", "--nthreads", "1"]
     # all at once: to import what they need takes longest
     with (
-        _started(
+        _start(
             sys.executable,
             "-m",
             "distributed.cli.dask_scheduler",
@@ -423,9 +425,9 @@ def test_clusters_that_do_not_serve(
             "127.0.0.1",
             *of,
         ) as scheduler,
-        _started(*worker, "0.0.9", early, *alone) as first,
-        _started(*worker, "", good, *alone),
-        _started(*worker, "0.0.9", late, *alone) as older,
+        _start(*worker, "0.0.9", early, *alone) as first,
+        _start(*worker, "", good, *alone),
+        _start(*worker, "0.0.9", late, *alone) as older,
     ):
         _until(file.exists)
         with pytest.raises(DesatError, match="it has no workers"):
@@ -474,7 +476,7 @@ def test_clusters_that_do_not_serve(
 
 
 @contextmanager
-def _started(*command: object) -> Iterator[subprocess.Popen[bytes]]:
+def _start(*command: object) -> Iterator[subprocess.Popen[bytes]]:
     """A process for as long as it is needed."""
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     with subprocess.Popen([*map(str, command)], **quiet) as process:
@@ -531,7 +533,7 @@ def test_crashes_and_hangs_leave_a_complete_dataset(tmp_path, binary):  # noqa: 
 def test_daemons_do_not_outlive_a_campaign(tmp_path, binary, apart, daemons):  # noqa: F811
     """They held the pipes of whoever called: this waits for their end."""
     system = drawn_to_fail(tmp_path / "s", binary, ["DAEMON"])
-    done = apart(
+    command = apart(
         "campaign",
         system,
         "-n",
@@ -543,7 +545,7 @@ def test_daemons_do_not_outlive_a_campaign(tmp_path, binary, apart, daemons):  #
         "--out",
         str(tmp_path / "campaign"),
     )
-    assert done.returncode == Exit.COMPLETED, done.stderr
+    assert command.returncode == Exit.COMPLETED, command.stderr
     assert [r["status"] for r in store.read(tmp_path / "campaign").to_pylist()] == [
         "completed"
     ] * 3
@@ -556,14 +558,14 @@ def test_daemons_do_not_outlive_a_campaign(tmp_path, binary, apart, daemons):  #
 def test_requirements_are_judged_with_their_confidence(full_campaign):
     answer = json.loads((full_campaign / "report.json").read_text())
     load, rate = answer["requirements"]["load"], answer["requirements"]["rate"]
-    completed = answer["completed"]
-    assert load["within"] == completed
+    completed_count = answer["completed"]
+    assert load["within"] == completed_count
     assert load["lacking"] == 0
     assert (
-        answer["requirements"]["pointing"]["lacking"] == completed
+        answer["requirements"]["pointing"]["lacking"] == completed_count
     )  # it is over before
     assert load["met"] == (
-        completed >= 195
+        completed_count >= 195
     )  # 196 of 200 show 95 % within with 95 % confidence
     assert not rate["met"]
     values = [
@@ -627,18 +629,18 @@ def test_what_drives_a_number_is_named():
     rng = np.random.default_rng(1)
     a, b, c = rng.normal(size=(3, 400))
     a[7] = np.nan
-    (found,) = report._drivers({"a": a, "b": b}, {"falls": -np.exp(a), "other": c})
-    assert (found.input, found.number, found.n) == ("a", "falls", 399)
-    assert found.correlation == pytest.approx(-1.0, abs=1e-12)
+    (driver,) = report._drivers({"a": a, "b": b}, {"falls": -np.exp(a), "other": c})
+    assert (driver.input, driver.number, driver.n) == ("a", "falls", 399)
+    assert driver.correlation == pytest.approx(-1.0, abs=1e-12)
 
 
 def test_a_flag_drives_a_number_and_what_does_not_change_drives_none():
     flag = np.arange(40.0) % 2.0
     inputs = {"flag": flag, "same": np.ones(40)}
-    (found,) = report._drivers(
+    (driver,) = report._drivers(
         inputs, {"jumps": flag + 1e-3 * np.arange(40.0), "never": 0.0 * flag}
     )
-    assert (found.input, found.number) == ("flag", "jumps")
+    assert (driver.input, driver.number) == ("flag", "jumps")
 
 
 def test_what_one_of_many_inputs_does_by_chance_is_not_named():
@@ -650,8 +652,8 @@ def test_what_one_of_many_inputs_does_by_chance_is_not_named():
     of = spearmanr(a, y)
     assert of.statistic > 0.2
     assert 0.001 < of.pvalue < 0.01
-    (found,) = report._drivers({"a": a}, {"y": y})
-    assert found.correlation == pytest.approx(of.statistic, rel=1e-12)
+    (driver,) = report._drivers({"a": a}, {"y": y})
+    assert driver.correlation == pytest.approx(of.statistic, rel=1e-12)
     others = {f"c{k}": np.zeros(150) for k in range(9)}
     assert report._drivers({"a": a, **others}, {"y": y}) == []
 
@@ -854,8 +856,8 @@ def test_a_campaign_is_a_data_set(full_campaign):
     ds = desat.load(full_campaign)
     table = store.read(full_campaign)
     assert ds.sizes["case"] == COUNT
-    expected = [np.nan if v is None else v for v in table["out.rate"].to_pylist()]
-    np.testing.assert_array_equal(ds["out.rate"].values, expected)
+    rates = [np.nan if v is None else v for v in table["out.rate"].to_pylist()]
+    np.testing.assert_array_equal(ds["out.rate"].values, rates)
     assert ds["out.rate"].attrs["units"] == "deg/s"
     assert ds["status"][3].item() == table["status"][3].as_py()
     assert len(ds.to_dataframe()) == COUNT
@@ -886,18 +888,18 @@ def test_a_script_without_a_guard_is_told_so(tmp_path, call):
     script.write_text(
         f"import sys, desat\nname = 'integrated/mil-nadir'\ndesat.{call}\n"
     )
-    ended = subprocess.run(
+    script_run = subprocess.run(
         [sys.executable, str(script), str(tmp_path / "campaign")],
         capture_output=True,
         text=True,
         timeout=120,
         check=False,
     )
-    assert ended.returncode == 1
-    assert ended.stderr.count("Traceback") == 1
+    assert script_run.returncode == 1
+    assert script_run.stderr.count("Traceback") == 1
     assert (
         'needs `if __name__ == "__main__":` before it does'
-        in ended.stderr.splitlines()[-1]
+        in script_run.stderr.splitlines()[-1]
     )
     cases = tmp_path / "campaign" / "cases"
     assert not cases.exists() or not any(cases.iterdir())
@@ -967,17 +969,17 @@ def test_a_master_that_begins_anew_makes_the_bits_of_a_new_one(
     )
     cases = Cases(source)
     anew = lambda options: prepare(source, options)  # noqa: E731
-    for prepared in (cases.prepare, anew):
-        if prepared is anew:
+    for prepare_case in (cases.prepare, anew):
+        if prepare_case is anew:
             # not where others follow what is drawn; "auto" makes some to try
             assert len(result) == 1 or "telescope" in name or "auto" in more
         for draw in range(3):
             options = Options(values=draw_of(system, 1, draw))
-            run = simulate(prepared(options))
+            run = simulate(prepare_case(options))
             assert run.manifest.completed, run.manifest.message
             results = run.results
             series = {n: results.values(n).tobytes() for n in results.names()}
-            runs[prepared is anew, draw] = (
+            runs[prepare_case is anew, draw] = (
                 series,
                 run.manifest.numbers,
                 run.manifest.balance,
@@ -1003,7 +1005,7 @@ def test_a_worker_prepares_once(monkeypatch):
 def test_a_worker_takes_one_thread_of_products_unless_told():
     """Threads that wait for the next product took a quarter of a day's CPU."""
     with Local(os.getenv, 1) as workers:
-        found = dict(
+        answers = dict(
             results(workers, [(0, ("OPENBLAS_NUM_THREADS",))], lambda key, reason: ())
         )
-    assert found == {0: os.environ.get("OPENBLAS_NUM_THREADS", "1")}
+    assert answers == {0: os.environ.get("OPENBLAS_NUM_THREADS", "1")}

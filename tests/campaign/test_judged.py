@@ -15,13 +15,13 @@ from desat.language.scenario import Requirement
 from desat.numbers.statistics import clopper_pearson
 
 
-def judged(
-    values: list[float], completed: list[bool], **bounds: float
+def judge_values(
+    values: list[float], completion: list[bool], **bounds: float
 ) -> dict[str, object]:
     cases = np.arange(len(values))
     entry = Requirement(number="x", **bounds)
     return requirement(
-        entry, {"x": np.array(values)}, np.array(completed), cases, Path("c")
+        entry, {"x": np.array(values)}, np.array(completion), cases, Path("c")
     ).to_json()
 
 
@@ -29,11 +29,11 @@ def test_what_just_shows_a_requirement_shows_it():
     """One case of one, inside: any share within is less than 50 % with 50 % of
     confidence."""
     even = {"max": 2.0, "confidence": 0.5}
-    assert judged([1.0], [True], probability=0.5, **even)["met"]
-    assert judged([1.0], [True], probability=0.5, **even)["more_cases"] == 0
+    assert judge_values([1.0], [True], probability=0.5, **even)["met"]
+    assert judge_values([1.0], [True], probability=0.5, **even)["more_cases"] == 0
     above = math.nextafter(0.5, 1.0)
-    assert not judged([1.0], [True], probability=above, **even)["met"]
-    assert judged([1.0], [True], probability=above, **even)["more_cases"] == 1
+    assert not judge_values([1.0], [True], probability=above, **even)["met"]
+    assert judge_values([1.0], [True], probability=above, **even)["more_cases"] == 1
 
 
 @pytest.mark.parametrize(
@@ -43,15 +43,15 @@ def test_a_requirement_is_judged_as_it_says(n, outside):
     """With 95 % and 95 % where nothing else is asked; the beta distribution as scipy
     has it."""
     values = np.where(np.arange(n) < outside, 3.0, 1.0)
-    judgement = judged(list(values), [True] * n, max=2.0)
-    shown = beta.ppf(0.05, n - outside, outside + 1)
+    judgement = judge_values(list(values), [True] * n, max=2.0)
+    share_shown = beta.ppf(0.05, n - outside, outside + 1)
     assert (judgement["probability"], judgement["confidence"], judgement["n"]) == (
         0.95,
         0.95,
         n,
     )
-    assert judgement["met"] == (shown >= 0.95) == (n in (59, 93))
-    assert judgement["shown_within"] == pytest.approx(100 * shown, rel=1e-12)
+    assert judgement["met"] == (share_shown >= 0.95) == (n in (59, 93))
+    assert judgement["shown_within"] == pytest.approx(100 * share_shown, rel=1e-12)
     assert judgement["outside"] == outside
     assert judgement["share_outside"] == pytest.approx(100 * outside / n, rel=1e-12)
     assert judgement["interval_outside"] == clopper_pearson(outside, n, 0.95)
@@ -92,13 +92,13 @@ def test_so_many_more_cases_show_it_and_one_less_does_not(
 ):
     """Against every total one by one, the share outside rounded to whole cases."""
 
-    def shown(total: int) -> bool:
+    def is_shown(total: int) -> bool:
         outside = math.floor((n - inside) * total / n + 0.5)
         return bool(
             beta.ppf(1.0 - confidence, total - outside, outside + 1) >= probability
         )
 
-    last = max(k for k in range(n - 1, n + 3000) if k < n or not shown(k))
+    last = max(k for k in range(n - 1, n + 3000) if k < n or not is_shown(k))
     assert more(n, inside, probability, confidence) == last + 1 - n
 
 

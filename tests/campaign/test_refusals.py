@@ -53,20 +53,20 @@ def test_a_data_set_stays_with_its_cases(own_scenario, three, tmp_path):
     folder = tmp_path / "campaign"
     shutil.copytree(three, folder)
     full = store.read(folder).to_pylist()
-    saved = store._of_block(folder, 0)
+    block_rows = store._of_block(folder, 0)
     (folder / "cases/part-00000.parquet").unlink()
-    lines = [row.to_line() for row in saved]
+    lines = [row.to_line() for row in block_rows]
     store.journal(folder, 0).write_text("".join(lines[i] for i in (0, 2)))
-    loaded, curves = desat.load(folder), desat.load(folder, curves=True)
+    data_set, curves = desat.load(folder), desat.load(folder, curves=True)
     store.journal(folder, 0).write_text("".join(lines[i] for i in (0, 2, 1)))
-    assert loaded["out.rate"].shape == loaded["out.rate"].values.shape == (2,)
-    assert float(loaded["out.rate"].sel(case=2)) == full[2]["out.rate"]
+    assert data_set["out.rate"].shape == data_set["out.rate"].values.shape == (2,)
+    assert float(data_set["out.rate"].sel(case=2)) == full[2]["out.rate"]
     (curve, *_) = curves.data_vars
-    expected = desat.load(three, curves=True)[curve].values[[0, 2]]
-    assert curves[curve].values.tobytes() == expected.tobytes()
+    stored_curves = desat.load(three, curves=True)[curve].values[[0, 2]]
+    assert curves[curve].values.tobytes() == stored_curves.tobytes()
     store.journal(folder, 0).write_text(lines[0])
     with pytest.raises(DesatError, match="case 2 no longer exists"):
-        loaded["out.rate"].values  # noqa: B018
+        data_set["out.rate"].values  # noqa: B018
 
 
 @pytest.mark.parametrize(
@@ -140,13 +140,13 @@ def test_how_many_more_cases_show_it_for_good():
     """2 of 100 outside: 124 would show it, 125 to 152 would not; from 181 on any number
     does."""
 
-    def shown(total: int) -> bool:
+    def is_shown(total: int) -> bool:
         outside = int(0.02 * total + 0.5)
         return bool(beta.ppf(0.05, total - outside, outside + 1) >= 0.95)
 
     more = judged.more(100, 98, 0.95, 0.95)
-    assert all(shown(100 + k) for k in range(more, more + 500))
-    assert not shown(100 + more - 1)
+    assert all(is_shown(100 + k) for k in range(more, more + 500))
+    assert not is_shown(100 + more - 1)
     low, high = (
         beta.ppf(0.975, 1, n) for n in (10, 10 + judged.for_half_the_width(10, 0, 0.95))
     )
@@ -167,10 +167,10 @@ def test_what_no_run_can_miss_is_said(own_scenario):
 def test_a_worker_that_is_told_to_end_gives_no_row(own_scenario, monkeypatch):
     """Its case is made again elsewhere."""
 
-    def stopped(*_: object) -> None:
+    def stop_worker(*_: object) -> None:
         raise RunError("interrupted", Exit.TERMINATED)
 
-    monkeypatch.setattr(case, "ran", stopped)
+    monkeypatch.setattr(case, "ran", stop_worker)
     plan, _ = coordinator.planned(own_scenario, 3)
     with pytest.raises(SystemExit):
         case.row(plan, 1)
@@ -184,9 +184,9 @@ def test_a_flipped_bit_is_damage(three, tmp_path):
     octets = part.read_bytes()
     rng = np.random.default_rng(1)
     for at in rng.integers(0, len(octets) - 1, 40):
-        flipped = bytearray(octets)
-        flipped[at] ^= 1 << int(rng.integers(8))
-        part.write_bytes(flipped)
+        damaged_octets = bytearray(octets)
+        damaged_octets[at] ^= 1 << int(rng.integers(8))
+        part.write_bytes(damaged_octets)
         with pytest.raises(DesatError, match=r"part-00000\.parquet: damaged"):
             store.digest(folder)
     part.write_bytes(octets)
@@ -198,12 +198,12 @@ def test_a_file_whose_sha256_is_missing_is_refused_as_one_whose_sha256_is_anothe
 ):
     folder = tmp_path / "campaign"
     shutil.copytree(three, folder)
-    saved = store.signature(folder / "cases/part-00000.parquet")
-    saved.unlink()
+    signature_file = store.signature(folder / "cases/part-00000.parquet")
+    signature_file.unlink()
     message = r"part-00000\.parquet: damaged \(_part-00000\.sha256, its sha256, is missing\); without"
     with pytest.raises(DesatError, match=message):
         store.read(folder)
-    shutil.copy(store.signature(three / "cases/part-00000.parquet"), saved)
+    shutil.copy(store.signature(three / "cases/part-00000.parquet"), signature_file)
     assert store.digest(folder) == store.digest(three)
 
 
@@ -214,17 +214,19 @@ def test_a_file_that_is_being_replaced_is_read_whichever_it_is(
     is done."""
     shutil.copytree(three, folder := tmp_path / "campaign")
     path = folder / "cases/part-00000.parquet"
-    for ended in (True, False):  # before, and after the file has been replaced
+    for is_after in (True, False):  # before, and after the file has been replaced
         part = path.with_suffix(".tmp")
         pq.write_table(pq.read_table(path), part, compression="none")
 
-        def killed(stored_values: Path, target: Path, ended: bool = ended) -> None:
-            if target != path or not ended:
+        def replace_and_die(
+            stored_values: Path, target: Path, is_after: bool = is_after
+        ) -> None:
+            if target != path or not is_after:
                 shutil.move(stored_values, target)
             if target == path:
                 raise KeyboardInterrupt
 
-        monkeypatch.setattr(type(part), "replace", killed)
+        monkeypatch.setattr(type(part), "replace", replace_and_die)
         with pytest.raises(KeyboardInterrupt):
             store.replace(part, path, part.read_bytes())
         monkeypatch.undo()
@@ -242,12 +244,12 @@ def test_a_full_disk_is_told_with_the_file(three, tmp_path, name):
     [row, *_] = store._of_block(three, 0)
     full = store.Store(folder, 2 if name.endswith(".jsonl") else 1)
     (folder / name).symlink_to("/dev/full")
-    described = {"out.x": {"title": "x", "unit": "1"}}
-    batch = store.Batch.of([dataclasses.replace(row, described=described)])
+    descriptions = {"out.x": {"title": "x", "unit": "1"}}
+    batch = store.Batch.of([dataclasses.replace(row, described=descriptions)])
     with pytest.raises(OSError, match="No space left on device") as caught:
         full.add(batch)
-    expected = folder / name.replace("00.tmp", "00.parquet").removesuffix(".tmp")
-    assert caught.value.filename == str(expected)
+    whole_file = folder / name.replace("00.tmp", "00.parquet").removesuffix(".tmp")
+    assert caught.value.filename == str(whole_file)
 
 
 def test_rows_of_a_block_that_has_grown_are_there_at_once(three, tmp_path):
@@ -255,10 +257,10 @@ def test_rows_of_a_block_that_has_grown_are_there_at_once(three, tmp_path):
     stood beside the journal, and whatever read the folder took the file alone."""
     folder = tmp_path / "campaign"
     shutil.copytree(three, folder)
-    grown = store.Store(folder, 5)
-    assert (grown.done(), store.read(folder).num_rows) == (3, 3)
+    second_store = store.Store(folder, 5)
+    assert (second_store.done(), store.read(folder).num_rows) == (3, 3)
     [row, *_] = store._of_block(three, 0)
-    grown.add(store.Batch.of([dataclasses.replace(row, number=3)]))
+    second_store.add(store.Batch.of([dataclasses.replace(row, number=3)]))
     assert store.read(folder).num_rows == 4
     again = store.Store(folder, 5)
     assert (again.done(), list(again.missing())) == (4, [4])

@@ -35,13 +35,13 @@ FIRESAT = EARTH_RADIUS + 700e3
 # --- torques, momenta, sizes, as textbooks print them ---------------------------------
 
 
-@pytest.mark.parametrize(("angle", "printed"), [(1.0, 1.8e-6), (30.0, 4.4e-5)])
-def test_firesat_gravity_gradient(angle: float, printed: float) -> None:
+@pytest.mark.parametrize(("angle", "book_torque"), [(1.0, 1.8e-6), (30.0, 4.4e-5)])
+def test_firesat_gravity_gradient(angle: float, book_torque: float) -> None:
     """90 and 60 kg m2, 1 deg and 30 deg off nadir: 1.8e-6 and 4.4e-5 N m."""
     a = math.radians(angle)
     r = (FIRESAT * math.sin(a), 0.0, FIRESAT * math.cos(a))
     tau = torques.gravity_gradient(r, (60.0, 0.0, 0.0, 0.0, 60.0, 0.0, 0.0, 0.0, 90.0))
-    assert np.linalg.norm(tau) == pytest.approx(printed, rel=0.03)
+    assert np.linalg.norm(tau) == pytest.approx(book_torque, rel=0.03)
 
 
 def test_firesat_light() -> None:
@@ -208,8 +208,8 @@ def test_momentum_bias_along_pitch_and_along_roll(tmp_path: Path) -> None:
         "manager.h_target_body": [0, -0.02, 0],
         "wheels.h_start_wheel": [0, -0.02, 0, 0],
     }
-    saved = library.run(str(tmp_path / "mine"), sets, stop=12000.0)
-    h = saved.results.values("wheels.h_wheel")[-1]
+    bias_run = library.run(str(tmp_path / "mine"), sets, stop=12000.0)
+    h = bias_run.results.values("wheels.h_wheel")[-1]
     assert h[1] == pytest.approx(-0.02, abs=2e-3)
     assert abs(h[0]) + abs(h[2]) < 4e-3
     options = Options(sets=["manager.h_target_body=[0.02,0,0]"])
@@ -276,16 +276,16 @@ def test_a_wheel_that_takes_a_speed() -> None:
         inertia_wheel=(1e-5,) * 3 + (0.0,),
         speed_sample_time=0.1,
     )
-    expected = 2000.0 * 2.0 * math.pi / 60.0
-    wheels.speed_cmd_wheel = (expected, 0.0, 0.0, 0.0)
+    commanded_speed = 2000.0 * 2.0 * math.pi / 60.0
+    wheels.speed_cmd_wheel = (commanded_speed, 0.0, 0.0, 0.0)
     speeds = []
     for k in range(300):
         wheels.output(0.1 * k)
         wheels.advance(0.1 * k, 0.1)
         speeds.append(wheels.speed_wheel[0])
     # 209 rad/s at 100 rad/s2: not before 2.1 s
-    assert speeds[20] < expected * 0.999
-    assert speeds[-1] == pytest.approx(expected, rel=1e-3)
+    assert speeds[20] < commanded_speed * 0.999
+    assert speeds[-1] == pytest.approx(commanded_speed, rel=1e-3)
 
 
 def test_imbalance() -> None:
@@ -418,11 +418,11 @@ def test_the_sun_moves_by_a_degree_a_day() -> None:
         guide.advance(86400.0 * day, 86400.0)
         assert rotate(guide.q_ref_bi, env.sun_eci) == pytest.approx(axis, abs=1e-12)
         angles.append(env.sun_eci)
-    moved = [math.degrees(math.acos(np.dot(a, b))) for a, b in pairwise(angles)]
-    assert np.mean(moved) == pytest.approx(360.0 / 365.2422, rel=2e-3)
+    day_angles = [math.degrees(math.acos(np.dot(a, b))) for a, b in pairwise(angles)]
+    assert np.mean(day_angles) == pytest.approx(360.0 / 365.2422, rel=2e-3)
     assert math.degrees(
         np.linalg.norm(guide.omega_ref_body)
-    ) * 86400.0 == pytest.approx(np.mean(moved), rel=3e-3)
+    ) * 86400.0 == pytest.approx(np.mean(day_angles), rel=3e-3)
 
 
 def test_molniyas_perigee_stays() -> None:

@@ -54,7 +54,7 @@ def test_help(desat):
 
 def test_no_flag_is_set_but_the_baseline_and_counts_are_as_told(desat):
     """A command that prints JSON or runs bare blocks unasked would be another command."""
-    found = {
+    flags = {
         (name, option.name)
         for name, command in get_command(cli.app_for([])).commands.items()
         for option in command.params
@@ -62,7 +62,7 @@ def test_no_flag_is_set_but_the_baseline_and_counts_are_as_told(desat):
         and getattr(option, "is_flag", False)
         and option.default
     }
-    assert found == {("run", "baseline"), ("size", "loop"), ("size", "year")}
+    assert flags == {("run", "baseline"), ("size", "loop"), ("size", "year")}
     for command, line in (
         (
             "sweep",
@@ -119,9 +119,9 @@ def test_run_json(desat, tmp_path):
 
 
 def test_runs_do_not_overwrite(desat, tmp_path):
-    for expected in ("uosat12-table3-ocdc-ilqr-1", "uosat12-table3-ocdc-ilqr-1-2"):
+    for folder_name in ("uosat12-table3-ocdc-ilqr-1", "uosat12-table3-ocdc-ilqr-1-2"):
         result = desat("run", NAME, "--no-baseline", "--json", cwd=tmp_path)
-        assert json.loads(result.stdout)["folder"] == f"runs/{expected}"
+        assert json.loads(result.stdout)["folder"] == f"runs/{folder_name}"
     result = desat("run", NAME, "--out", "runs", cwd=tmp_path)
     assert result.returncode == 2
     assert (
@@ -201,7 +201,7 @@ def test_another_fmu_in_a_components_place(desat, tmp_path):
     said."""
     fmu = tmp_path / "theirs.fmu"
     shutil.copy(paths.fmus() / "native" / "manager_receding_horizon.fmu", fmu)
-    found = []
+    answers = []
     for number, source in enumerate(("manager_receding_horizon", str(fmu))):
         result = desat(
             "run",
@@ -217,15 +217,16 @@ def test_another_fmu_in_a_components_place(desat, tmp_path):
             check=True,
         )
         assert "does not take k_cross, weight_ratio, saturation, split" in result.stderr
-        found.append(json.loads(result.stdout))
+        answers.append(json.loads(result.stdout))
     assert (
-        found[0]["fmus"]["manager"]["sha256"] == found[1]["fmus"]["manager"]["sha256"]
+        answers[0]["fmus"]["manager"]["sha256"]
+        == answers[1]["fmus"]["manager"]["sha256"]
     )
     assert (
-        found[0]["parameters"]["manager"]["g_rate"]
-        == found[1]["parameters"]["manager"]["g_rate"]
+        answers[0]["parameters"]["manager"]["g_rate"]
+        == answers[1]["parameters"]["manager"]["g_rate"]
     )
-    for manifest in found:
+    for manifest in answers:
         assert manifest["numbers"]["firing_time"]["value"] == pytest.approx(
             52.85, abs=0.1
         )
@@ -290,9 +291,9 @@ def test_a_small_campaign_prints_statistics_of_the_same_draws(desat, tmp_path):
     answer = json.loads(
         desat("campaign", "report", "c", "--json", cwd=tmp_path, check=True).stdout
     )
-    drawn = draws(NAME, 3, 5, Options(), 1).summary
-    assert len(drawn) > 5
-    for name, entry in drawn.items():
+    summary = draws(NAME, 3, 5, Options(), 1).summary
+    assert len(summary) > 5
+    for name, entry in summary.items():
         assert [answer["numbers"][name][k] for k in ("median", "min", "max")] == [
             entry.levels[k] for k in ("median", "min", "max")
         ]
@@ -335,7 +336,7 @@ def lean_manager(tmp_path):
         script.write_text(LEAN_MANAGER.format(inputs=inputs, outputs=list(outputs)))
         # in a process of its own: an FMU of Python that this one has loaded brings a
         # pythonfmu without binaries
-        built = tmp_path / f"lean{len(outputs)}.fmu"
+        fmu_file = tmp_path / f"lean{len(outputs)}.fmu"
         command = [
             sys.executable,
             "-m",
@@ -344,10 +345,10 @@ def lean_manager(tmp_path):
             "-f",
             script,
             "-d",
-            built,
+            fmu_file,
         ]
         subprocess.run(command, check=True, capture_output=True)
-        return str(built)
+        return str(fmu_file)
 
     return make
 
@@ -516,8 +517,10 @@ def test_exit_codes_and_commands_are_told(desat):
     first = [
         line.split("|")[1] for line in table.splitlines() if line.startswith("| `")
     ]
-    listed = [name for cell in first for name in re.findall(r"`(\w+)`", cell)]
-    assert sorted(listed) == sorted(get_command(cli.app_for([])).commands)
+    documented_commands = [
+        name for cell in first for name in re.findall(r"`(\w+)`", cell)
+    ]
+    assert sorted(documented_commands) == sorted(get_command(cli.app_for([])).commands)
     outcome = " ".join(desat("--help", check=True).stdout.split())
     for code in Exit:
         assert f"| {int(code)} | {code.meaning} |" in readme
@@ -688,8 +691,8 @@ def test_each_command_is_in_a_panel_and_has_an_example(desat):
         words = shlex.split(command.epilog.removeprefix("Example: "))
         group = path[:-1] if path[-1] in ("run", "page") and len(path) > 1 else path
         assert words[: len(group) + 1] == ["desat", *group], command.epilog
-        known = {x for p in command.params for x in (*p.opts, *p.secondary_opts)}
-        assert {w for w in words if w.startswith("-")} <= known, command.epilog
+        options = {x for p in command.params for x in (*p.opts, *p.secondary_opts)}
+        assert {w for w in words if w.startswith("-")} <= options, command.epilog
 
 
 @pytest.mark.parametrize(
@@ -718,10 +721,10 @@ def test_each_command_is_in_a_panel_and_has_an_example(desat):
     ],
 )
 def test_what_was_meant_is_said(desat, arguments, text):
-    done = desat(*arguments)
-    assert done.returncode == Exit.INPUT
-    assert text in done.stderr, done.stderr
-    assert len(done.stderr.splitlines()) == 1
+    command = desat(*arguments)
+    assert command.returncode == Exit.INPUT
+    assert text in command.stderr, command.stderr
+    assert len(command.stderr.splitlines()) == 1
 
 
 @pytest.mark.parametrize(
@@ -752,10 +755,10 @@ def test_a_stop_time_in_orbits_is_that_of_the_craft(desat, tmp_path):
 
 def test_a_crafts_folder_is_known_to_all_that_take_a_target(desat, tmp_path):
     desat("new", "craft", "mine", cwd=tmp_path, check=True)
-    listed = json.loads(
+    scenarios = json.loads(
         desat("list", "mine", "--json", cwd=tmp_path, check=True).stdout
     )
-    assert [row["name"] for row in listed] == [
+    assert [row["name"] for row in scenarios] == [
         "mine",
         "mine/detumbling.toml",
         "mine/rollout.toml",
@@ -818,8 +821,8 @@ def test_help_has_each_option_once_in_a_section_the_usual_ones_first(desat, word
             continue
         option = param.opts[0]
         assert any(option in names for names in console.SECTIONS.values()), option
-        found = re.findall(rf"^  {re.escape(option)}[ ,]", text, re.MULTILINE)
-        assert len(found) == 1, option
+        entries = re.findall(rf"^  {re.escape(option)}[ ,]", text, re.MULTILINE)
+        assert len(entries) == 1, option
         places[option] = re.search(rf"^  {re.escape(option)}[ ,]", text, re.M).start()
     heads = [text.index(f"\n{s}:") for s in console.SECTIONS if f"\n{s}:" in text]
     assert heads == sorted(heads)
@@ -830,17 +833,17 @@ def test_help_has_each_option_once_in_a_section_the_usual_ones_first(desat, word
 
 
 def test_help_searches_its_topics(desat):
-    done = desat("help", "predictive", check=True)
-    assert done.stdout.splitlines()[1].startswith("blocks manager_predictive")
+    command = desat("help", "predictive", check=True)
+    assert command.stdout.splitlines()[1].startswith("blocks manager_predictive")
     rows = desat("help", "dead", "coil", check=True).stdout
     assert "manager_receding_horizon" in rows
     assert desat("help", "own-block", check=True).stdout.startswith("# ")
     page = desat("help", "python", check=True).stdout
     assert "- desat.run(target: str | PathLike[str]," in page.replace("\n", "")
     assert ".. " not in page
-    refused = desat("help", "xyzzy")
-    assert refused.returncode == 2
-    assert "no such topic" in refused.stderr
+    refusal = desat("help", "xyzzy")
+    assert refusal.returncode == 2
+    assert "no such topic" in refusal.stderr
 
 
 @pytest.mark.parametrize("place", ["before", "after", "short"])
@@ -878,9 +881,9 @@ def test_the_version_by_its_short_name(desat):
     ],
 )
 def test_an_option_given_twice_is_refused(desat, line, option):
-    done = desat(*line.split())
-    assert done.returncode == Exit.INPUT
-    assert done.stderr == f"error: {option}: it is given twice; it takes one value\n"
+    command = desat(*line.split())
+    assert command.returncode == Exit.INPUT
+    assert command.stderr == f"error: {option}: it is given twice; it takes one value\n"
 
 
 def test_every_option_of_the_command_tree_takes_one_value_or_says_so():
@@ -894,9 +897,9 @@ def test_every_option_of_the_command_tree_takes_one_value_or_says_so():
         for each in (subcommands or {}).values():
             yield from leaves(each)
 
-    found = list(leaves(get_command(cli.app_for([]))))
-    assert len(found) > 25
-    assert all(isinstance(command, OnceOnly) for command in found)
+    commands = list(leaves(get_command(cli.app_for([]))))
+    assert len(commands) > 25
+    assert all(isinstance(command, OnceOnly) for command in commands)
 
 
 @pytest.mark.parametrize(
@@ -908,11 +911,11 @@ def test_every_option_of_the_command_tree_takes_one_value_or_says_so():
     ],
 )
 def test_a_name_given_twice_is_refused(desat, options, name):
-    done = desat("run", "nadir_day/day-dipole", *options)
-    assert done.returncode == Exit.INPUT
+    command = desat("run", "nadir_day/day-dipole", *options)
+    assert command.returncode == Exit.INPUT
     assert (
         f"{options[2]} {options[3]}: {name} has {options[0]} {options[1]}"
-        in done.stderr
+        in command.stderr
     )
 
 
@@ -931,6 +934,6 @@ def test_a_name_given_twice_is_refused(desat, options, name):
     ],
 )
 def test_a_list_of_choices_stands_once(desat, line):
-    done = desat(*shlex.split(line))
-    assert done.returncode == Exit.INPUT
-    assert done.stderr.count("there is ") == 1
+    command = desat(*shlex.split(line))
+    assert command.returncode == Exit.INPUT
+    assert command.stderr.count("there is ") == 1

@@ -64,7 +64,7 @@ def test_what_each_exit_code_is():
 
 
 @pytest.mark.parametrize(
-    ("name", "known", "hint"),
+    ("name", "candidates", "hint"),
     [
         ("wheel", ["wheels", "body"], "; did you mean wheels?"),
         ("x", ["a", "b"], "; there is a, b"),
@@ -81,8 +81,8 @@ def test_what_each_exit_code_is():
         ("x" * 201, ["x" * 199], ""),
     ],
 )
-def test_the_nearest_name(name, known, hint):
-    assert nearest(name, known) == hint
+def test_the_nearest_name(name, candidates, hint):
+    assert nearest(name, candidates) == hint
 
 
 def test_names_in_brackets_are_no_markup_and_numbers_have_no_colour():
@@ -109,22 +109,22 @@ def test_a_bug_of_ours_says_how_to_see_where(desat, monkeypatch):
 
     monkeypatch.setattr(cli, "get_command", lambda app: fails)
     monkeypatch.setattr(cli, "spare", lambda command: None)
-    for traced in (False, True):
-        if traced:
+    for with_traceback in (False, True):
+        if with_traceback:
             monkeypatch.setenv("DESAT_TRACEBACK", "1")
-        done = desat()
-        assert done.returncode == Exit.BUG
-        assert done.stderr.splitlines()[-1] == (
+        command = desat()
+        assert command.returncode == Exit.BUG
+        assert command.stderr.splitlines()[-1] == (
             "error: internal: ValueError: why (DESAT_TRACEBACK=1 shows where)"
         )
-        assert ("Traceback" in done.stderr) == traced
+        assert ("Traceback" in command.stderr) == with_traceback
 
 
 @pytest.mark.parametrize("number", [1, 15])
 def test_a_signal_to_stop_is_its_exit_code(number):
-    with pytest.raises(SystemExit) as raised:
+    with pytest.raises(SystemExit) as exit_info:
         cli._terminate(number, None)
-    assert raised.value.code == 128 + number
+    assert exit_info.value.code == 128 + number
 
 
 SWALLOWED = """
@@ -151,18 +151,22 @@ def test_a_signal_to_stop_that_python_swallows_comes_again(number):
     """Inside a weakref callback, as each import has one, its exception is printed and
     ignored."""
     script = SWALLOWED.format(number=int(number))
-    done = subprocess.run(
+    command = subprocess.run(
         [sys.executable, "-c", script],
         capture_output=True,
         text=True,
         timeout=60,
         check=False,
     )
-    assert (done.returncode, done.stdout, done.stderr) == (128 + number, "", "")
+    assert (command.returncode, command.stdout, command.stderr) == (
+        128 + number,
+        "",
+        "",
+    )
 
 
 def test_a_full_disk_is_known_by_what_an_error_came_from():
-    def chained(
+    def chain_error(
         cause: BaseException | None, context: BaseException | None
     ) -> BaseException:
         error = RuntimeError("why")
@@ -171,16 +175,16 @@ def test_a_full_disk_is_known_by_what_an_error_came_from():
 
     full, other = OSError(28, "full"), OSError(5, "read")
     assert is_full(full)
-    for cause, context, known in (
+    for cause, context, is_disk_full in (
         (full, None, True),
         (None, full, True),
         (full, other, True),
         (other, full, False),
         (other, None, False),
-        (None, chained(None, full), True),
+        (None, chain_error(None, full), True),
     ):
-        assert is_full(chained(cause, context)) == known
-    own_value = chained(None, None)
+        assert is_full(chain_error(cause, context)) == is_disk_full
+    own_value = chain_error(None, None)
     own_value.__cause__ = own_value
     assert not is_full(own_value)
 
@@ -194,10 +198,10 @@ ELEMENTS = (
 )
 
 
-def refused_line(done) -> str:
+def refused_line(command) -> str:
     """Return the one line of a command that refuses its input."""
-    assert done.returncode == Exit.INPUT
-    (line,) = done.stderr.splitlines()
+    assert command.returncode == Exit.INPUT
+    (line,) = command.stderr.splitlines()
     assert line.startswith("error: ")
     return line.removeprefix("error: ")
 
@@ -248,8 +252,8 @@ def refused_line(done) -> str:
     ],
 )
 def test_a_value_that_is_no_value_is_refused(desat, tmp_path, arguments, text):
-    done = desat(*arguments, cwd=tmp_path)
-    assert refused_line(done).startswith(text)
+    command = desat(*arguments, cwd=tmp_path)
+    assert refused_line(command).startswith(text)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -273,13 +277,13 @@ def test_an_element_that_lost_its_point_is_refused(
     digits = sum(int(c) if c.isdigit() else c == "-" for c in body)
     lines[number - 1] = f"{body}{digits % 10}"
     file = tmp_path / "iss.tle"
-    for written, code in ((ELEMENTS, 0), (lines, Exit.INPUT)):
-        file.write_text("\n".join(written))
-        done = desat(
+    for content, code in ((ELEMENTS, 0), (lines, Exit.INPUT)):
+        file.write_text("\n".join(content))
+        command = desat(
             "new", "craft", "made", "--force", "--tle", str(file), cwd=tmp_path
         )
-        assert done.returncode == code
-    assert refused_line(done).startswith(
+        assert command.returncode == code
+    assert refused_line(command).startswith(
         f"--tle {file}: line {number}, {field} (columns "
     )
 
@@ -316,16 +320,16 @@ def test_laws_of_another_form_are_refused_before_anything_flies(
 ):
     assert desat("new", "law", "own", cwd=tmp_path).returncode == 0
     file = tmp_path / "own.py"
-    changed, count = re.subn(
+    new_text, count = re.subn(
         r"offers = .*", lambda _: f"offers = {offers}", file.read_text()
     )
     assert count == 1
-    file.write_text(changed)
+    file.write_text(new_text)
     monkeypatch.setattr(ranking, "_fly", lambda *_: pytest.fail("it flew"))
-    done = desat(
+    command = desat(
         "compare", "nadir_day/day-dipole", "--law", str(file), "--blocks", cwd=tmp_path
     )
-    assert refused_line(done).startswith(f"own.py: offers: {text}")
+    assert refused_line(command).startswith(f"own.py: offers: {text}")
 
 
 @pytest.mark.parametrize(
@@ -341,8 +345,8 @@ def test_names_of_laws_are_looked_at_before_anything_flies(
     desat, monkeypatch, arguments, text
 ):
     monkeypatch.setattr(ranking, "_fly", lambda *_: pytest.fail("it flew"))
-    done = desat("compare", "nadir_day/day-dipole", "--blocks", *arguments)
-    assert refused_line(done).startswith(text)
+    command = desat("compare", "nadir_day/day-dipole", "--blocks", *arguments)
+    assert refused_line(command).startswith(text)
 
 
 @pytest.mark.parametrize("number", [27, 28, 122])
@@ -377,10 +381,10 @@ def test_an_archive_without_room_is_not_called_unreadable(
 @pytest.mark.parametrize("module", [native, web_module])
 def test_a_compiler_without_room_is_no_bug(tmp_path, module, message, number):
     command = [sys.executable, "-c", f"import sys; sys.exit({message!r})"]
-    with pytest.raises(Exception) as ended:  # noqa: PT011
+    with pytest.raises(Exception) as error:  # noqa: PT011
         module._run(command, tmp_path)
-    assert getattr(ended.value, "errno", None) == number
-    assert is_full(ended.value) == (number is not None)
+    assert getattr(error.value, "errno", None) == number
+    assert is_full(error.value) == (number is not None)
 
 
 def test_an_error_that_comes_from_a_full_disk_ends_as_that(desat, monkeypatch):
@@ -429,11 +433,11 @@ def test_progress_is_shown_to_people_alone(
     monkeypatch.setattr(
         "desat.sizing.page.write_sizing", lambda size_nothing, page: page
     )
-    done = desat(*arguments, *(["--json"] if as_json else []))
+    command = desat(*arguments, *(["--json"] if as_json else []))
     assert inputs == ([None] if name == "size" else [not as_json])
     if name != "_draws_of":
-        assert done.returncode == 0
-        assert done.stdout.startswith("{") == as_json
+        assert command.returncode == 0
+        assert command.stdout.startswith("{") == as_json
 
 
 @pytest.mark.parametrize(
@@ -452,9 +456,9 @@ def test_a_craft_that_cannot_hold_ends_with_1(desat, monkeypatch, problems, code
         ([], True, 0.5),
         (["--no-loop", "--duty", "20"], False, 0.2),
     ):
-        done = desat("size", "a", "--json", *flag)
-        assert done.returncode == code
-        assert done.stderr.splitlines() == [
+        command = desat("size", "a", "--json", *flag)
+        assert command.returncode == code
+        assert command.stderr.splitlines() == [
             f"it cannot hold: {line}" for line in problems
         ]
         wishes = inputs[-1][2]
@@ -479,9 +483,9 @@ def test_paired_draws_end_as_the_worst_of_both(desat, monkeypatch, rows, others,
     ]
     monkeypatch.setattr(compare, "are_campaigns", lambda targets: False)
     monkeypatch.setattr(compare, "paired_draws", lambda *_, **__: ([], both))
-    done = desat("compare", "a", "b", "-n", "1")
-    assert done.returncode == code
-    assert done.stderr.splitlines()[:2] == ["warning: a: wa", "warning: b: wb"]
+    command = desat("compare", "a", "b", "-n", "1")
+    assert command.returncode == code
+    assert command.stderr.splitlines()[:2] == ["warning: a: wa", "warning: b: wb"]
 
 
 @pytest.mark.parametrize(
@@ -500,9 +504,11 @@ def test_tables_are_printed_as_they_are(desat, monkeypatch, tmp_path, origin):
     monkeypatch.setattr(
         tables, "write_html", lambda *args: messages.append(args) or args[2]
     )
-    done = desat("tables", "uosat12", "--html", str(tmp_path / "a.html"), "--jobs", "3")
-    assert done.returncode == 0
-    lines = [" ".join(line.split()) for line in done.stdout.splitlines()]
+    command = desat(
+        "tables", "uosat12", "--html", str(tmp_path / "a.html"), "--jobs", "3"
+    )
+    assert command.returncode == 0
+    lines = [" ".join(line.split()) for line in command.stdout.splitlines()]
     heads = [
         "case paper ours difference band sample",
         "case paper ours difference band sample",
@@ -510,9 +516,9 @@ def test_tables_are_printed_as_they_are(desat, monkeypatch, tmp_path, origin):
     assert [x for x in lines if x.startswith("case")] == heads
     assert "how [b] it is" in lines
     assert (
-        "case  paper  ours        difference  band " in done.stdout
+        "case  paper  ours        difference  band " in command.stdout
     )  # numbers to the right
-    assert "\nname   1.50  3.00  +1.50 (+100.0 %)  1.00 " in done.stdout
+    assert "\nname   1.50  3.00  +1.50 (+100.0 %)  1.00 " in command.stdout
     assert any("1.6" in x and "1.5" in x for x in lines)
     assert [x for x in lines if x.startswith("draws: ")] == (
         ["draws: computed just now with seed 3 by z"] if origin else []
@@ -538,8 +544,8 @@ def test_verdicts_alone_are_coloured(desat, monkeypatch):
     monkeypatch.setattr(tables, "rows", lambda *_: rows)
     monkeypatch.setattr(tables, "write_html", lambda *args: args[2])
     assert desat("tables", "uosat12").returncode == 0
-    coloured = re.findall("\x1b\\[3[12]m([^\x1b]*)", file.getvalue())
-    assert [text.strip() for text in coloured] == ["within", "outside"]
+    coloured_words = re.findall("\x1b\\[3[12]m([^\x1b]*)", file.getvalue())
+    assert [text.strip() for text in coloured_words] == ["within", "outside"]
 
 
 @pytest.mark.parametrize("status", ["completed", "failed"])
@@ -568,9 +574,9 @@ def test_a_table_of_a_run_that_failed_ends_as_it(monkeypatch, status):
             "a/c": {"x": 2.0},
         }
     else:
-        with pytest.raises(RunError, match=r"^a/c: failed: h is nan$") as raised:
+        with pytest.raises(RunError, match=r"^a/c: failed: h is nan$") as error:
             tables._single(scenarios, options, 3)
-        assert raised.value.code == Exit.TIMEOUT
+        assert error.value.code == Exit.TIMEOUT
 
 
 def test_a_check_as_json_has_the_order_or_none(desat, tmp_path):
@@ -591,7 +597,7 @@ def test_a_check_as_json_has_the_order_or_none(desat, tmp_path):
     assert "\nnote: " in far.stderr
 
 
-def finished(code: int = 0, **more: object) -> Run:
+def make_run(code: int = 0, **more: object) -> Run:
     """A run that ended so."""
     status = "completed" if code < 2 else "failed"
     results = {
@@ -627,51 +633,55 @@ def test_a_run_and_its_baseline_end_the_command(
     monkeypatch, tmp_path, own_scenario, baseline, code, csv
 ):
     """Checkpoints go where both have completed; a baseline follows a run that has."""
-    done: list[object] = []
-    other = None if baseline is None else finished(baseline)
+    steps: list[object] = []
+    other = None if baseline is None else make_run(baseline)
     monkeypatch.setattr(
-        run_command, "_run_baseline", lambda *_: done.append("baseline") or other
+        run_command, "_run_baseline", lambda *_: steps.append("baseline") or other
     )
-    monkeypatch.setattr(run_command, "_report", lambda *_: done.append("report"))
-    monkeypatch.setattr(run_command, "_csv", lambda *_: done.append("csv"))
-    monkeypatch.setattr(run_command, "_report_run", lambda *args: done.append(args[-1]))
-    monkeypatch.setattr(checkpoint, "remove", lambda folder: done.append(folder.name))
-    for expected in (True, False):
-        done.clear()
-        run, ended = finished(own_scenario), 0
+    monkeypatch.setattr(run_command, "_report", lambda *_: steps.append("report"))
+    monkeypatch.setattr(run_command, "_csv", lambda *_: steps.append("csv"))
+    monkeypatch.setattr(
+        run_command, "_report_run", lambda *args: steps.append(args[-1])
+    )
+    monkeypatch.setattr(checkpoint, "remove", lambda folder: steps.append(folder.name))
+    for has_baseline in (True, False):
+        steps.clear()
+        run, exit_code = make_run(own_scenario), 0
         try:
             run_command.conclude(
                 run,
                 None,
                 tmp_path / "a",
                 csv=csv,
-                baseline=expected,
+                baseline=has_baseline,
                 everything=False,
                 as_json=csv,
             )
         except run_command.typer.Exit as exit_error:
-            ended = exit_error.exit_code
-        follows = expected and own_scenario < 2
-        assert ended == (
+            exit_code = exit_error.exit_code
+        follows = has_baseline and own_scenario < 2
+        assert exit_code == (
             code if follows or own_scenario > 1 or not baseline else own_scenario
         )
         theirs = baseline if follows and baseline is not None else 0
-        removed = ["a", run_command.BASELINE] if own_scenario < 2 and theirs < 2 else []
-        assert done == ["baseline"] * follows + ["report"] + ["csv"] * csv + removed + [
-            csv
-        ]
+        removals = (
+            ["a", run_command.BASELINE] if own_scenario < 2 and theirs < 2 else []
+        )
+        assert steps == ["baseline"] * follows + ["report"] + [
+            "csv"
+        ] * csv + removals + [csv]
 
 
 def test_what_a_run_says_at_its_end(capsys, tmp_path):
     numbers = {"x": Value("Size of [b]", 2.0, "N.m.s"), "y": Value("Time", None, "s")}
-    own_value = finished(
+    own_value = make_run(
         4,
         numbers=numbers,
         not_checked={"z": "no [b]"},
         unmet=["x[b] = 2: above"],
         stopped_when=Stopped("a.h[b] below 1", 12.5),
     )
-    other = finished(0, numbers={"x": Value("Size of [b]", 3.0, "N.m.s")})
+    other = make_run(0, numbers={"x": Value("Size of [b]", 3.0, "N.m.s")})
     for baseline in (None, other):
         run_command._report_run(
             own_value, baseline, tmp_path, tmp_path / "[b].html", False, False
@@ -690,7 +700,7 @@ def test_what_a_run_says_at_its_end(capsys, tmp_path):
             f"3 steps, 0.5 us a step; series in {tmp_path / 'series.h5'}",
             f"report: {tmp_path / '[b].html'}",
         ]
-    run_command._report_run(finished(), None, tmp_path, None, False, False)
+    run_command._report_run(make_run(), None, tmp_path, None, False, False)
     (line,) = capsys.readouterr().out.splitlines()
     assert line.startswith("3 steps")
     for page in (None, tmp_path / "a.html"):
@@ -706,18 +716,18 @@ def test_what_a_run_says_at_its_end(capsys, tmp_path):
 def test_without_room_for_a_report_a_run_that_completed_ends_with_6(code):
     full = OSError(28, "No space left on device")
     if code:
-        with run_command.skip_if_disk_full(finished(code), Path("a"), "report"):
+        with run_command.skip_if_disk_full(make_run(code), Path("a"), "report"):
             raise full
     else:
         with (
-            pytest.raises(RunError, match=r"^a: its report: ") as raised,
-            run_command.skip_if_disk_full(finished(code), Path("a"), "report"),
+            pytest.raises(RunError, match=r"^a: its report: ") as error,
+            run_command.skip_if_disk_full(make_run(code), Path("a"), "report"),
         ):
             raise full
-        assert raised.value.code == Exit.SPACE
+        assert error.value.code == Exit.SPACE
     with (
         pytest.raises(OSError, match="gone"),
-        run_command.skip_if_disk_full(finished(code), Path("a"), "x"),
+        run_command.skip_if_disk_full(make_run(code), Path("a"), "x"),
     ):
         raise OSError(2, "gone")
 
@@ -737,29 +747,29 @@ def test_without_room_for_a_report_a_run_that_completed_ends_with_6(code):
 def test_a_case_made_again_ends_as_it_did(
     desat, monkeypatch, number, text, code, message, row
 ):
-    compared: list[object] = []
+    comparisons: list[object] = []
     monkeypatch.setattr(plan, "read", lambda folder: SimpleNamespace(count=2))
     monkeypatch.setattr(plan, "changed", lambda plan: text)
     monkeypatch.setattr(plan, "anew", lambda plan: "begin anew")
-    monkeypatch.setattr(plan, "same_versions", lambda *args: compared.append(args))
+    monkeypatch.setattr(plan, "same_versions", lambda *args: comparisons.append(args))
     monkeypatch.setattr(store, "versions_of", lambda folder, number: row)
-    monkeypatch.setattr(campaign_case, "repeat", lambda *_: finished(code))
+    monkeypatch.setattr(campaign_case, "repeat", lambda *_: make_run(code))
     monkeypatch.setattr(coordinator, "kept_in", lambda folder, number: folder / "[b]")
     into = ["--out", "[o]"] if row else []
-    done = desat("campaign", "case", "c", str(number), *into)
-    assert done.returncode == code
+    command = desat("campaign", "case", "c", str(number), *into)
+    assert command.returncode == code
     lines = ["error: c: case 0: its craft: the case would differ; begin anew"]
-    assert done.stderr.splitlines() == (lines if message is None else message)
+    assert command.stderr.splitlines() == (lines if message is None else message)
     result = code != Exit.INPUT
     place = "[o]" if row else "c/[b]"
-    assert done.stdout.splitlines() == [f"{place}/report.html"] * result
-    assert [args[2] for args in compared] == [False] * (result and row is not None)
+    assert command.stdout.splitlines() == [f"{place}/report.html"] * result
+    assert [args[2] for args in comparisons] == [False] * (result and row is not None)
 
 
 # --- a run in a process of its own ----------------------------------------------------
 
 
-def raised(function, *args: object) -> tuple[str, object] | object:
+def catch_error(function, *args: object) -> tuple[str, object] | object:
     try:
         return function(*args)
     except (

@@ -123,9 +123,11 @@ def test_role_interface(name):
     role = block.__mro__[1]
     assert role.role == block.role
     assert block.role
-    added = {v.name for v in block.variables} - {v.name for v in role.variables}
+    extra_names = {v.name for v in block.variables} - {v.name for v in role.variables}
     assert not [
-        v.name for v in block.variables if v.name in added and v.causality == "input"
+        v.name
+        for v in block.variables
+        if v.name in extra_names and v.causality == "input"
     ]
 
 
@@ -207,12 +209,14 @@ def test_starts_from_names_every_input_that_start_reads(name):
             continue
         other = fresh(name)
         vars(other).update({w.name: getattr(base, w.name) for w in base.variables})
-        drawn = fresh(name)
-        randomise_inputs(drawn, random.Random(12))
+        random_block = fresh(name)
+        randomise_inputs(random_block, random.Random(12))
         setattr(
             other,
             v.name,
-            getattr(drawn, v.name) if v.type == "Real" else not getattr(base, v.name),
+            getattr(random_block, v.name)
+            if v.type == "Real"
+            else not getattr(base, v.name),
         )
         begin(other)
         for w in base.variables:
@@ -390,16 +394,16 @@ def test_a_rate_that_is_not_valid_is_not_used(name):
 def test_a_controller_rests_while_a_measurement_is_not_valid(name, flag, input):
     block = at_work(name)
     torque, integral = block.tau_ctrl_body, getattr(block, "_xi", None)
-    measured = getattr(block, input)
+    measurement = getattr(block, input)
     assert any(torque)
     assert integral is None or any(integral)
     setattr(block, flag, False)
-    setattr(block, input, (NAN,) * len(measured))
+    setattr(block, input, (NAN,) * len(measurement))
     block.advance(30.0, 10.0)
     assert not any(block.tau_ctrl_body)
     assert getattr(block, "_xi", None) == integral
     setattr(block, flag, True)
-    setattr(block, input, measured)
+    setattr(block, input, measurement)
     block.advance(40.0, 10.0)
     assert any(block.tau_ctrl_body)
 
@@ -417,7 +421,7 @@ def commands(block: Block) -> tuple:
     return tuple(getattr(block, name) for name in COMMANDS[block.role])
 
 
-def computed(name: str, rng: random.Random, steps: int, **values) -> list:
+def compute_rows(name: str, rng: random.Random, steps: int, **values) -> list:
     """The commands in each of some steps of 1 s, with inputs that change in every one."""
     block = fresh(name)
     give_law(block)
@@ -438,7 +442,7 @@ def computed(name: str, rng: random.Random, steps: int, **values) -> list:
 @pytest.mark.parametrize("name", COMPUTERS)
 def test_commands_obey_the_sample_time(name):
     """Once a manager's command to the wheels was made anew at every step."""
-    rows = computed(name, random.Random(1), 21, sample_time=10.0)
+    rows = compute_rows(name, random.Random(1), 21, sample_time=10.0)
     assert rows[0:10] == [rows[0]] * 10
     assert rows[10:20] == [rows[10]] * 10
     assert len({rows[0], rows[10], rows[20]}) == 3
@@ -446,7 +450,9 @@ def test_commands_obey_the_sample_time(name):
 
 @pytest.mark.parametrize("name", MANAGERS)
 def test_wheels_may_be_commanded_more_often(name):
-    rows = computed(name, random.Random(1), 20, sample_time=10.0, wheel_sample_time=2.0)
+    rows = compute_rows(
+        name, random.Random(1), 20, sample_time=10.0, wheel_sample_time=2.0
+    )
     wheels = [row[0] for row in rows]
     assert wheels[::2] == wheels[1::2]
     assert len(set(wheels)) == 10
@@ -457,7 +463,7 @@ def test_wheels_may_be_commanded_more_often(name):
         with pytest.raises(
             BlockError, match=f"wheel_sample_time = {time} s does not divide"
         ):
-            computed(
+            compute_rows(
                 name, random.Random(1), 1, sample_time=period, wheel_sample_time=time
             )
 
@@ -472,8 +478,8 @@ def test_commands_leave_after_the_delay(name, sample_time, delay):
         sample_time = sample_time or 1.0
     # a plan of 600 samples takes seconds in Python
     few = {"horizon": 60.0} if name == "manager_receding_horizon" else {}
-    at_once = computed(name, random.Random(1), 40, sample_time=sample_time, **few)
-    late = computed(
+    at_once = compute_rows(name, random.Random(1), 40, sample_time=sample_time, **few)
+    late = compute_rows(
         name, random.Random(1), 40, sample_time=sample_time, delay=delay, **few
     )
     start = commands(begin(fresh(name)))
@@ -484,11 +490,13 @@ def test_a_delay_that_cannot_be_kept_is_refused():
     with pytest.raises(
         BlockError, match=r"delay = 0.5 s is not a multiple of the step of 1.0 s"
     ):
-        computed("controller_pd", random.Random(1), 2, sample_time=2.0, delay=0.5)
+        compute_rows("controller_pd", random.Random(1), 2, sample_time=2.0, delay=0.5)
     with pytest.raises(
         BlockError, match=r"delay = 100.0 s holds more than 16 commands back"
     ):
-        computed("controller_pd", random.Random(1), 40, sample_time=2.0, delay=100.0)
+        compute_rows(
+            "controller_pd", random.Random(1), 40, sample_time=2.0, delay=100.0
+        )
 
 
 def test_gyroscopic_feed_forward_does_not_depend_on_the_step(tmp_path):

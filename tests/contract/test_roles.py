@@ -15,10 +15,10 @@ from desat.system.errors import DesatError
 def test_a_shared_parameter_must_be_equal_everywhere():
     draft = build(read("integrated/mil-nadir"), Options(blocks=True))
     draft.components["manager"].parameters["axes_wheel[1,2]"] = 0.5
-    found = check_draft(draft)
-    assert found.problems == []  # a model onboard may err
+    case = check_draft(draft)
+    assert case.problems == []  # a model onboard may err
     assert any(
-        "manager.axes_wheel[1,2] = 0.5, but spacecraft." in w for w in found.warnings
+        "manager.axes_wheel[1,2] = 0.5, but spacecraft." in w for w in case.warnings
     )
     draft = build(read("integrated/mil-nadir"), Options(blocks=True))
     draft.components["wheels"].parameters["axes_wheel[1,2]"] = 0.5
@@ -28,14 +28,14 @@ def test_a_shared_parameter_must_be_equal_everywhere():
         check_draft(draft).or_raise()
 
 
-@pytest.mark.parametrize("known", ["axes_wheel", "inertia_wheel"])
-def test_what_blocks_know_of_the_wheels_is_shared(known):
+@pytest.mark.parametrize("parameter", ["axes_wheel", "inertia_wheel"])
+def test_what_blocks_know_of_the_wheels_is_shared(parameter):
     """So that `check` says of a manager that it knows other wheels than there are."""
-    found = {
+    shared_names = {
         name: v.shared
         for name in registry.names()
         for v in registry.block_class(name).variables
-        if v.name == known
+        if v.name == parameter
     }
-    assert len(found) > 2
-    assert all(found.values()), found
+    assert len(shared_names) > 2
+    assert all(shared_names.values()), shared_names

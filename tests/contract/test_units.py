@@ -50,10 +50,10 @@ def test_any_product_is_a_unit(above, below):
             unit = times(unit, unit_of(name), power)
         return unit
 
-    result, expected = unit_of(f"{text(above)}/({text(below)})"), product(above)
-    expected = times(expected, product(below), -1)
-    assert result[:6] == expected[:6]
-    assert result.factor == pytest.approx(expected.factor, rel=1e-12)
+    result, product_unit = unit_of(f"{text(above)}/({text(below)})"), product(above)
+    product_unit = times(product_unit, product(below), -1)
+    assert result[:6] == product_unit[:6]
+    assert result.factor == pytest.approx(product_unit.factor, rel=1e-12)
 
 
 @pytest.mark.parametrize(

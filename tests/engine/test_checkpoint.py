@@ -45,8 +45,8 @@ def broken(target: str, values: Options, folder: Path, monkeypatch, at: int) -> 
         if self._master.k >= at:
             os.kill(os.getpid(), signal.SIGKILL)
 
-    with monkeypatch.context() as patched:
-        patched.setattr(checkpoint.Checkpoints, "save", last)
+    with monkeypatch.context() as patch:
+        patch.setattr(checkpoint.Checkpoints, "save", last)
         run = simulate(prepare(target, replace(values, supervised=True)), folder)
     assert "SIGKILL" in run.manifest["message"]
     run.results.close()
@@ -78,8 +78,8 @@ def test_it_goes_on_with_the_same_bits(tmp_path, monkeypatch, more):
     file = scenario(tmp_path, step=0.1, step_ratio=slow)
     options = Options(stop=14.0, **more)
     simulate(prepare(file, options), tmp_path / "whole").results.close()
-    saved = replace(options, checkpoint=1.1)
-    broken(file, saved, tmp_path / "broken", monkeypatch, 77)
+    with_checkpoint = replace(options, checkpoint=1.1)
+    broken(file, with_checkpoint, tmp_path / "broken", monkeypatch, 77)
     run = resume(tmp_path / "broken")
     run.results.close()
     assert run.ok
@@ -120,17 +120,17 @@ def test_a_full_disk_while_one_is_written(tmp_path, monkeypatch):
     simulate(
         prepare("nadir_day/day-dipole", options), tmp_path / "whole"
     ).results.close()
-    count, saved = [0], np.savez
+    count, savez = [0], np.savez
 
     def full(file: IO[bytes], *arrays: Any, **more: Any) -> None:
         count[0] += 1
-        saved(file, *arrays, **more)
+        savez(file, *arrays, **more)
         if count[0] == 3:
             file.truncate(1000)
             raise OSError(errno.ENOSPC, "No space left on device", file.name)
 
-    with monkeypatch.context() as patched:
-        patched.setattr(checkpoint.np, "savez", full)
+    with monkeypatch.context() as patch:
+        patch.setattr(checkpoint.np, "savez", full)
         run = simulate(prepare("nadir_day/day-dipole", options), tmp_path / "full")
     assert (run.code, run.manifest["status"]) == (Exit.SPACE, "no space")
     run.results.close()
@@ -240,8 +240,8 @@ def test_killed_at_random_moments(tmp_path):
         "100",
         "--no-baseline",
     )
-    found = list(trials(2, cases, tmp_path, 1))
-    assert [x for x in found if not x.startswith("equal")] == []
+    lines = list(trials(2, cases, tmp_path, 1))
+    assert [x for x in lines if not x.startswith("equal")] == []
 
 
 @pytest.mark.parametrize("fault", ["FMU", "file", "package", "machine"])
@@ -257,7 +257,7 @@ def test_resume_refuses_what_is_another(tmp_path, monkeypatch, fault):
     )
     broken(str(file), options, tmp_path / "a", monkeypatch, 30)
     before = {p: p.read_bytes() for p in (tmp_path / "a").rglob("*") if p.is_file()}
-    known = identity.versions()
+    own_versions = identity.versions()
     if fault == "FMU":
         with zipfile.ZipFile(mine, "a") as archive:
             archive.writestr("resources/new.txt", "x")
@@ -269,8 +269,12 @@ def test_resume_refuses_what_is_another(tmp_path, monkeypatch, fault):
         message = r"environment.* was .*, and is .*0\.1"
     else:
         name = {"package": "numpy", "machine": "platform"}[fault]
-        monkeypatch.setattr(made_by, "versions", lambda: {**known, name: "another"})
-        message = rf"versions\.{name} was {re.escape(known[name])}, and is another"
+        monkeypatch.setattr(
+            made_by, "versions", lambda: {**own_versions, name: "another"}
+        )
+        message = (
+            rf"versions\.{name} was {re.escape(own_versions[name])}, and is another"
+        )
     with pytest.raises(DesatError, match=message):
         resume(tmp_path / "a")
     assert {

@@ -158,16 +158,16 @@ def test_jacobi_against_the_reference_with_the_same_delays(study):
     rows = [r for r in study["rows"] if r["algorithm"] == "jacobi"]
     assert all(r["attitude_error"] > 1e-2 for r in rows)
     assert all(r["momentum_drift"] > 1e-3 for r in rows)
-    delayed = [r["attitude_error_same_delays"] for r in rows]
-    assert delayed[0] < 2e-7
-    assert convergence.order([r["step"] for r in rows[1:]], delayed[1:]) >= 2.5
+    delay_errors = [r["attitude_error_same_delays"] for r in rows]
+    assert delay_errors[0] < 2e-7
+    assert convergence.order([r["step"] for r in rows[1:]], delay_errors[1:]) >= 2.5
 
 
-def corrupted(tmp_path, signal: str, factor: float, name: str = "gyrostat/full"):
+def run_corrupted(tmp_path, signal: str, factor: float, name: str = "gyrostat/full"):
     """The packed scenario with one connected signal scaled on its way, run from the
     folder."""
-    packed = pack_scenario(find(name))
-    with zipfile.ZipFile(packed) as archive:
+    package = pack_scenario(find(name))
+    with zipfile.ZipFile(package) as archive:
         archive.extractall(tmp_path)
     ssd = tmp_path / "SystemStructure.ssd"
     lines = []
@@ -189,20 +189,20 @@ def corrupted(tmp_path, signal: str, factor: float, name: str = "gyrostat/full")
 
 
 def test_a_corrupted_slope_is_caught_by_the_attitude(tmp_path):
-    run = corrupted(tmp_path, "tau_slope_wheel", 0.9)
+    run = run_corrupted(tmp_path, "tau_slope_wheel", 0.9)
     attitude, _ = errors(run, "gyrostat/full", 1.0)
     assert attitude > 2e-7
     assert residual(run) <= 1e-12, "a wrong slope moves momentum in time, it loses none"
 
 
 def test_a_corrupted_mean_is_caught_by_the_residual(tmp_path):
-    run = corrupted(tmp_path, "tau_mean_wheel", 1.0 + 1e-9)
+    run = run_corrupted(tmp_path, "tau_mean_wheel", 1.0 + 1e-9)
     assert residual(run) > 1e-12
 
 
 def test_an_actuator_without_slopes_still_conserves(tmp_path):
     """Slopes start at 0, so a foreign actuator may omit them."""
-    run = corrupted(tmp_path, "tau_slope_wheel", 0.0)
+    run = run_corrupted(tmp_path, "tau_slope_wheel", 0.0)
     assert residual(run) <= 1e-12
     assert errors(run, "gyrostat/full", 1.0)[0] > 2e-7
 

@@ -101,7 +101,7 @@ def fmu(
     return path
 
 
-def compiled(folder: Path, *flags: str) -> bytes:
+def compile_failing(folder: Path, *flags: str) -> bytes:
     """The library of failing.c."""
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None or sys.platform != "linux":
@@ -127,7 +127,7 @@ def compiled(folder: Path, *flags: str) -> bytes:
 
 @pytest.fixture(scope="session")
 def binary(tmp_path_factory) -> bytes:
-    return compiled(tmp_path_factory.mktemp("failing"))
+    return compile_failing(tmp_path_factory.mktemp("failing"))
 
 
 @pytest.fixture
@@ -160,8 +160,8 @@ def options(failure: str, **more: object) -> Options:
 
 def test_a_system_without_connections_can_be_packed(system, tmp_path):
     pack(prepare(str(system), options("NOTHING")).or_raise()[0], tmp_path / "p.ssp")
-    packed, _ = prepare(str(tmp_path / "p.ssp"), Options()).or_raise()
-    assert (list(packed.components), packed.connections) == (["bad"], ())
+    system_packed, _ = prepare(str(tmp_path / "p.ssp"), Options()).or_raise()
+    assert (list(system_packed.components), system_packed.connections) == (["bad"], ())
 
 
 # --- a component that ends the process ------------------------------------------------
@@ -243,10 +243,10 @@ sys.argv = ["desat", "run", "nadir_day/day-dipole", "--source", "controller={our
             "--substeps", "{substeps}", "--out", {str(tmp_path / "out")!r}]
 sys.exit(cli._code())
 """
-    ended = python(script)
+    script_run = python(script)
     crash = "controller: the step from t = 3 s ended the process: SIGSEGV"
-    assert ended.returncode == Exit.COMPONENT, ended.stderr
-    assert f"failed: {crash}; 3 rows are kept" in ended.stderr
+    assert script_run.returncode == Exit.COMPONENT, script_run.stderr
+    assert f"failed: {crash}; 3 rows are kept" in script_run.stderr
     assert (tmp_path / "out/report.html").exists()
     with load_run(tmp_path / "out").results as results:
         assert results.times().tolist() == [0.0, 1.0, 2.0]
@@ -268,14 +268,14 @@ def hang_up_is_heard() -> Iterator[None]:
 
 @pytest.mark.usefixtures("hang_up_is_heard")
 @pytest.mark.parametrize(
-    ("number", "raised"),
+    ("number", "error_type"),
     [
         (signal.SIGINT, KeyboardInterrupt),
         (signal.SIGTERM, SystemExit),
         (signal.SIGHUP, SystemExit),
     ],
 )
-def test_a_signal_in_a_flight_beforehand_ends_it(monkeypatch, number, raised):
+def test_a_signal_in_a_flight_beforehand_ends_it(monkeypatch, number, error_type):
     test = os.getpid()
 
     def flies(*_: object) -> None:
@@ -285,11 +285,11 @@ def test_a_signal_in_a_flight_beforehand_ends_it(monkeypatch, number, raised):
         time.sleep(30.0)
 
     monkeypatch.setattr(substep_choice._Flights, "choice", flies)
-    with pytest.raises(raised) as ended:
+    with pytest.raises(error_type) as exit_info:
         simulate(
             prepare("nadir_day/day-dipole", Options(substeps="auto", supervised=True))
         )
-    assert raised is KeyboardInterrupt or ended.value.code == 128 + number
+    assert error_type is KeyboardInterrupt or exit_info.value.code == 128 + number
 
 
 @pytest.mark.parametrize("loop", ["compiled", "python"])
@@ -338,8 +338,8 @@ def children() -> set[int]:
     return {process.pid for process in psutil.Process().children()}
 
 
-@pytest.mark.parametrize("supervised", [True, False])
-def test_an_isolated_component_ends_alone(system, tmp_path, supervised):
+@pytest.mark.parametrize("is_supervised", [True, False])
+def test_an_isolated_component_ends_alone(system, tmp_path, is_supervised):
     """Of two components one ends its process: the run has its last row, the other is
     freed."""
     before = children()  # of other tests
@@ -389,7 +389,7 @@ def test_an_isolated_component_ends_alone(system, tmp_path, supervised):
     ):
         limit = 1.5 if failure == "HANG" else 60.0
         run_options = options(
-            failure, call_limit=limit, isolate="foreign", supervised=supervised
+            failure, call_limit=limit, isolate="foreign", supervised=is_supervised
         )
         if last is None:
             with pytest.raises(RunError) as error:
@@ -424,7 +424,7 @@ def test_an_isolated_component_has_nothing_of_the_heads(
     """What it finds open, its process group and what it leaves behind are its own: it
     wrote into the files of the run, killed `desat`, and its daemons held the caller's
     pipes."""
-    done = apart(
+    command = apart(
         "run",
         str(system),
         "--step",
@@ -435,8 +435,10 @@ def test_an_isolated_component_has_nothing_of_the_heads(
         "--out",
         str(system / "out"),
     )
-    assert done.returncode == (Exit.COMPONENT if text else Exit.COMPLETED), done.stderr
-    answer = json.loads(done.stdout)
+    assert command.returncode == (Exit.COMPONENT if text else Exit.COMPLETED), (
+        command.stderr
+    )
+    answer = json.loads(command.stdout)
     assert answer["message"] == text
     with load_run(system / "out").results as results:
         assert results.times().tolist() == [float(k) for k in range(4 if text else 11)]
@@ -503,16 +505,19 @@ def test_what_refuses_to_be_instantiated_is_heard(system, tmp_path):
     """Also where it has a process, of which nothing is left; and what cannot even be
     loaded, and what ends its process then."""
     before = children()
-    refuses, dies = compiled(tmp_path, "-DREFUSES"), compiled(tmp_path, "-DDIES")
+    refuses, dies = (
+        compile_failing(tmp_path, "-DREFUSES"),
+        compile_failing(tmp_path, "-DDIES"),
+    )
     died = "bad: instantiating it ended {} process: SIGSEGV"
-    for built, isolate, text, code in (
+    for binary_file, isolate, text, code in (
         (refuses, "none", "bad: cannot be instantiated: no licence", 2),
         (refuses, "foreign", "bad: cannot be instantiated: no licence", 2),
         (b"no library", "none", "its library cannot be loaded: it is no library", 2),
         (dies, "none", died.format("the"), 4),
         (dies, "foreign", died.format("its"), 4),
     ):
-        fmu(system / "resources/failing.fmu", built)
+        fmu(system / "resources/failing.fmu", binary_file)
         with pytest.raises(DesatError, match=re.escape(text)) as error:
             simulate(prepare(str(system), options("NOTHING", isolate=isolate)))
         assert error.value.code == code
@@ -542,27 +547,29 @@ def test_where_no_process_can_be_had_it_is_said(system, monkeypatch):
 
 def test_isolated_runs_have_the_same_bits(tmp_path):
     """Also where they go on from a checkpoint."""
-    found = []
+    series = []
     for isolate in ("none", "all"):
         options = Options(stop=20.0, isolate=isolate, supervised=True)
         results = simulate(
             prepare("gyrostat/free", options), tmp_path / isolate
         ).results
-        found.append({n: results.values(n).tobytes() for n in results.names()})
-    assert found[0] == found[1]
-    assert len(found[0]) > 10
+        series.append({n: results.values(n).tobytes() for n in results.names()})
+    assert series[0] == series[1]
+    assert len(series[0]) > 10
 
 
 @pytest.mark.usefixtures("hang_up_is_heard")
 @pytest.mark.parametrize(
-    ("number", "raised"),
+    ("number", "error_type"),
     [
         (signal.SIGINT, KeyboardInterrupt),
         (signal.SIGTERM, SystemExit),
         (signal.SIGHUP, SystemExit),
     ],
 )
-def test_a_signal_before_the_first_step_is_no_bug_of_ours(monkeypatch, number, raised):
+def test_a_signal_before_the_first_step_is_no_bug_of_ours(
+    monkeypatch, number, error_type
+):
     def starts(*_: object) -> None:
         signal.signal(number, signal.default_int_handler)
         time.sleep(1.0)  # until the parent hands it on
@@ -570,9 +577,9 @@ def test_a_signal_before_the_first_step_is_no_bug_of_ours(monkeypatch, number, r
         time.sleep(30.0)
 
     monkeypatch.setattr(case, "step", starts)
-    with pytest.raises(raised) as ended:
+    with pytest.raises(error_type) as exit_info:
         simulate(prepare("plant/light", Options(supervised=True, blocks=True)))
-    assert raised is KeyboardInterrupt or ended.value.code == 128 + number
+    assert error_type is KeyboardInterrupt or exit_info.value.code == 128 + number
 
 
 def test_many_rows_survive_a_crash(system, tmp_path, monkeypatch):
@@ -697,8 +704,8 @@ def test_one_that_does_not_terminate_is_named(system, loop, isolate):
     run = simulate(prepare(str(system), late))
     assert run.code == Exit.TIMEOUT
     assert message in run.manifest["warnings"]
-    failed = options("STEP_ERROR", loop=loop, isolate=isolate)
-    run = simulate(prepare(str(system), failed))
+    step_error = options("STEP_ERROR", loop=loop, isolate=isolate)
+    run = simulate(prepare(str(system), step_error))
     assert "fmi2Terminate" not in str(
         [run.manifest["message"], run.manifest["warnings"]]
     )
@@ -741,22 +748,22 @@ def test_a_discarded_step_is_made_in_parts(system, tmp_path, binary):
 
 
 def test_supervised_runs_have_the_same_bits(tmp_path):
-    found = []
-    for supervised in (False, True):
-        case = prepare("gyrostat/free", Options(stop=20.0, supervised=supervised))
-        results = simulate(case, tmp_path / str(supervised)).results
-        found.append({n: results.values(n).tobytes() for n in results.names()})
-    assert found[0] == found[1]
-    assert len(found[0]) > 10
+    series = []
+    for is_supervised in (False, True):
+        case = prepare("gyrostat/free", Options(stop=20.0, supervised=is_supervised))
+        results = simulate(case, tmp_path / str(is_supervised)).results
+        series.append({n: results.values(n).tobytes() for n in results.names()})
+    assert series[0] == series[1]
+    assert len(series[0]) > 10
 
 
 def test_a_crash_among_draws_leaves_the_other_rows(tmp_path, binary):
     target = drawn_to_fail(tmp_path / "s", binary, ["NOTHING", "SEGFAULT"])
     rows = draws(target, 8, 1, Options(step=1.0), jobs=2).rows
-    ended = [row.values["bad.how"] != FAILURES.index("NOTHING") for row in rows]
-    assert [row.code for row in rows] == [int(Exit.COMPONENT) * e for e in ended]
+    crashes = [row.values["bad.how"] != FAILURES.index("NOTHING") for row in rows]
+    assert [row.code for row in rows] == [int(Exit.COMPONENT) * e for e in crashes]
     assert {row.numbers["y"] for row in rows if row.completed} == {10.0}
-    assert 0 < sum(ended) < 8
+    assert 0 < sum(crashes) < 8
 
 
 def test_tables_name_the_scenario_and_component_that_crashed(system):
@@ -807,7 +814,7 @@ def test_a_call_that_does_not_return(system, tmp_path):
     assert run.results.times().tolist() == [0.0, 1.0, 2.0]
 
 
-def started(
+def start_run(
     system: Path,
     tmp_path: Path,
     failure: str,
@@ -858,7 +865,7 @@ def started(
     ],
 )
 def test_signals_end_alike(system, tmp_path, number, code):
-    process = started(system, tmp_path, "SLOW")
+    process = start_run(system, tmp_path, "SLOW")
     process.send_signal(number)
     out, err = process.communicate(timeout=60)
     assert process.returncode == code, err
@@ -875,7 +882,7 @@ def test_signals_end_alike(system, tmp_path, number, code):
 
 def test_nohup_is_heeded(system, tmp_path):
     """Whoever starts it may have it ignore SIGHUP; it ended all the same."""
-    process = started(system, tmp_path, "SLOW", hang_up=signal.SIG_IGN)
+    process = start_run(system, tmp_path, "SLOW", hang_up=signal.SIG_IGN)
     for one in (
         psutil.Process(process.pid),
         *psutil.Process(process.pid).children(recursive=True),
@@ -891,15 +898,15 @@ def test_nohup_is_heeded(system, tmp_path):
 def test_who_runs_the_tests_may_have_hang_up_ignored():
     """By nohup: those that send SIGHUP within their own process failed, or tried
     nothing."""
-    named = [
+    test_ids = [
         f"{__file__}::{name}"
         for name in (
             "test_a_signal_in_a_flight_beforehand_ends_it[1-SystemExit]",
             "test_a_signal_before_the_first_step_is_no_bug_of_ours[1-SystemExit]",
         )
     ]
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *named],
+    pytest_run = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *test_ids],
         preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN),
         capture_output=True,
         text=True,
@@ -907,7 +914,7 @@ def test_who_runs_the_tests_may_have_hang_up_ignored():
         timeout=200,
         check=False,
     )
-    assert done.returncode == 0, done.stdout
+    assert pytest_run.returncode == 0, pytest_run.stdout
 
 
 @pytest.mark.parametrize(
@@ -932,8 +939,12 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 sys.argv = ["desat", "run", "nadir_day/day-dipole", "--out", {str(tmp_path / "out")!r}]
 main()
 """
-    ended = python(script, env={**os.environ, "TMPDIR": str(tmp_path)})
-    assert (ended.returncode, ended.stdout, ended.stderr) == (code, "", "")
+    script_run = python(script, env={**os.environ, "TMPDIR": str(tmp_path)})
+    assert (script_run.returncode, script_run.stdout, script_run.stderr) == (
+        code,
+        "",
+        "",
+    )
     assert list(tmp_path.iterdir()) == []
 
 
@@ -954,13 +965,13 @@ def test_ended_when_all_is_recorded(
     """While the last of its series are compressed."""
     finish, test = Packing.finish, os.getpid()
 
-    def killed(packing: Packing, *last: object) -> Path | None:
+    def signal_and_pack(packing: Packing, *last: object) -> Path | None:
         if os.getpid() != test:  # the parent packs what it has saved
             os.kill(whom(), number)
             time.sleep(0.3)
         return finish(packing, *last)
 
-    monkeypatch.setattr(Packing, "finish", killed)
+    monkeypatch.setattr(Packing, "finish", signal_and_pack)
     run = simulate(
         prepare(str(system), options("NOTHING")), tmp_path / "out", partial=True
     )
@@ -978,13 +989,13 @@ def test_killed_before_its_first_row_it_has_none(desat, tmp_path, monkeypatch):
     monkeypatch.setattr(
         step_case, "begin_manifest", lambda *_: os.kill(os.getpid(), signal.SIGKILL)
     )
-    done = desat(
+    command = desat(
         "run", "nadir_day/day-dipole", "--stop", "5", "--out", str(tmp_path / "out")
     )
-    assert done.returncode == Exit.COMPONENT
+    assert command.returncode == Exit.COMPONENT
     assert (
         "ended by SIGKILL, outside a call of a component; 0 rows are kept"
-        in done.stderr
+        in command.stderr
     )
     assert {p.name for p in (tmp_path / "out").iterdir()} == {
         "manifest.json",
@@ -995,20 +1006,20 @@ def test_killed_before_its_first_row_it_has_none(desat, tmp_path, monkeypatch):
         assert {len(results.values(n)) for n in results.names()} == {0}
 
 
-@pytest.mark.parametrize("packed", [True, False], ids=["packed", "no_room_to_pack"])
-def test_killed_at_the_end_all_rows_are_saved(tmp_path, monkeypatch, packed):
+@pytest.mark.parametrize("is_packed", [True, False], ids=["packed", "no_room_to_pack"])
+def test_killed_at_the_end_all_rows_are_saved(tmp_path, monkeypatch, is_packed):
     """The final row has states, and no interval values: also where the parent saves it."""
-    expected = simulate(
+    whole_run = simulate(
         prepare("nadir_day/day-dipole", Options(stop=20.0)), tmp_path / "whole"
     )
     finish, write, test = Packing.finish, Recorder._write, os.getpid()
 
     def without(packing: Packing, *last: object) -> Path | None:
-        if os.getpid() == test or packed:
+        if os.getpid() == test or is_packed:
             return finish(packing, *last)
         return packing.drop()
 
-    def killed(recorder: Recorder, half: Bank, last: bool = False) -> None:
+    def kill_after_write(recorder: Recorder, half: Bank, last: bool = False) -> None:
         write(recorder, half, last)
         os.kill(os.getpid(), signal.SIGKILL)
 
@@ -1017,17 +1028,20 @@ def test_killed_at_the_end_all_rows_are_saved(tmp_path, monkeypatch, packed):
             os.kill(os.getpid(), signal.SIGKILL)
         return finish(packing, *last)
 
-    monkeypatch.setattr(Packing, "finish", killed_packing if packed else without)
-    monkeypatch.setattr(Recorder, "_write", write if packed else killed)
+    monkeypatch.setattr(Packing, "finish", killed_packing if is_packed else without)
+    monkeypatch.setattr(Recorder, "_write", write if is_packed else kill_after_write)
     options = Options(stop=20.0, supervised=True)
     run = simulate(prepare("nadir_day/day-dipole", options), tmp_path / "out")
     assert (run.manifest["status"], run.code) == ("failed", 4)
     lengths = set()
-    for name in expected.results.names():
-        full, saved = expected.results.values(name), run.results.values(name)
-        assert saved.shape == full.shape, name
-        assert saved.tobytes() == full.tobytes(), name
-        lengths.add(len(saved))
+    for name in whole_run.results.names():
+        full, recovered_values = (
+            whole_run.results.values(name),
+            run.results.values(name),
+        )
+        assert recovered_values.shape == full.shape, name
+        assert recovered_values.tobytes() == full.tobytes(), name
+        lengths.add(len(recovered_values))
     assert lengths == {20, 21}
 
 
@@ -1041,7 +1055,7 @@ def test_killed_at_the_end_all_rows_are_saved(tmp_path, monkeypatch, packed):
 def test_stopped_and_continued(system, tmp_path, limit, code):
     """As Ctrl-Z does, for longer than a call, or the run, may take: the time of the
     call does not pass, that of the run does."""
-    process = started(system, tmp_path, "SLOW", limit, "2")
+    process = start_run(system, tmp_path, "SLOW", limit, "2")
     all_of_it = [
         psutil.Process(process.pid),
         *psutil.Process(process.pid).children(recursive=True),
@@ -1061,11 +1075,11 @@ def test_stopped_and_continued(system, tmp_path, limit, code):
 
 
 @pytest.mark.parametrize("limit", [0.0, 0.1, 0.5, 5.0])
-@pytest.mark.parametrize("stopped", [0.0, 1.5, 1e4])
-def test_a_call_that_was_stopped_has_its_whole_limit(monkeypatch, limit, stopped):
+@pytest.mark.parametrize("pause", [0.0, 1.5, 1e4])
+def test_a_call_that_was_stopped_has_its_whole_limit(monkeypatch, limit, pause):
     """The parent looks at one call, is stopped while the call is in it, looks on: it
     kills it no sooner than its limit after that, and not much later."""
-    clock, killed, stop = [100.0], [], [stopped]
+    clock, kill_times, stop = [100.0], [], [pause]
 
     class Pipe:
         def poll(self, seconds: float) -> bool:
@@ -1075,17 +1089,19 @@ def test_a_call_that_was_stopped_has_its_whole_limit(monkeypatch, limit, stopped
     monkeypatch.setattr(child.time, "monotonic", lambda: clock[0])
     monkeypatch.setattr(child.current_call, "now", lambda: (21, 9.0))
     monkeypatch.setattr(
-        child.current_call, "status_of", lambda child: 9 if killed else None
+        child.current_call, "status_of", lambda child: 9 if kill_times else None
     )
-    monkeypatch.setattr(child.os, "kill", lambda child, number: killed.append(clock[0]))
-    ended = child.Ended()
-    assert child._wait(1, Pipe(), ended, limit) == 9
-    assert ended.hung == limit
-    assert limit <= killed[0] - (100.0 + stopped) <= limit + 1.5
+    monkeypatch.setattr(
+        child.os, "kill", lambda child, number: kill_times.append(clock[0])
+    )
+    end = child.Ended()
+    assert child._wait(1, Pipe(), end, limit) == 9
+    assert end.hung == limit
+    assert limit <= kill_times[0] - (100.0 + pause) <= limit + 1.5
 
 
 def test_a_second_ctrl_c_always_ends(system, tmp_path):
-    process = started(system, tmp_path, "HANG")
+    process = start_run(system, tmp_path, "HANG")
     process.send_signal(signal.SIGINT)
     time.sleep(0.6)
     assert process.poll() is None
@@ -1107,7 +1123,7 @@ def test_a_second_ctrl_c_always_ends(system, tmp_path):
 
 
 def test_folders_of_dead_processes_are_swept(system, tmp_path):
-    process = started(system, tmp_path, "SLOW")
+    process = start_run(system, tmp_path, "SLOW")
     process.kill()
     process.communicate()
     (stale,) = tmp_path.glob("desat-*")
@@ -1179,10 +1195,10 @@ def test_a_folder_that_another_process_sweeps_at_once_is_made_again(
             if first and not late:
                 shutil.rmtree(folder)
                 raise FileNotFoundError(self.lock_file)
-            held = super().acquire(*args, **more)
+            lock = super().acquire(*args, **more)
             if first:
                 shutil.rmtree(folder)
-            return held
+            return lock
 
     monkeypatch.setattr(library, "FileLock", Disturbed)
     folder, lock = library._hold(tmp_path)
@@ -1203,10 +1219,10 @@ def test_no_temporary_folder_at_all(desat, tmp_path, monkeypatch):
     )  # as no other test had extracted it
     monkeypatch.setattr(library, "_loaded", {})
     library._root.cache_clear()
-    done = desat("run", "gyrostat/free", "--out", str(tmp_path / "out"))
+    command = desat("run", "gyrostat/free", "--out", str(tmp_path / "out"))
     library._root.cache_clear()
     there = f"No usable temporary directory found in ['{tmp_path}/none']"
-    assert (done.returncode, done.stdout, done.stderr) == (
+    assert (command.returncode, command.stdout, command.stderr) == (
         Exit.INPUT,
         "",
         f"error: {there}\n",
@@ -1267,12 +1283,12 @@ def test_two_at_once_wherever_they_run(tmp_path, environment, folder):
     for process in both:
         out, error = process.communicate(timeout=120)
         assert (process.returncode, error) == (0, "")
-        shown = (
+        folder_text = (
             "Gr" + 4 * r"\ufffd" + "e"
             if environment.get("PYTHONUTF8") == "0"
             else folder
         )
-        assert f"{shown}/runs/nadir_day" in out.replace("\n", "")
+        assert f"{folder_text}/runs/nadir_day" in out.replace("\n", "")
     result = sorted(place.glob("runs/*/report.html"))
     assert [p.parent.name for p in result] == [
         "nadir_day-day-dipole",
@@ -1368,9 +1384,9 @@ def test_a_folder_that_cannot_be_written_is_refused(
         make(path, *arguments, **more)
 
     monkeypatch.setattr(Path, "mkdir", only_read)
-    done = desat("run", str(system), "--step", "1", "--out", str(tmp_path / "out"))
-    assert (done.returncode, done.stdout) == (Exit.INPUT, "")
-    assert done.stderr == f"error: {tmp_path}/out: Read-only file system\n"
+    command = desat("run", str(system), "--step", "1", "--out", str(tmp_path / "out"))
+    assert (command.returncode, command.stdout) == (Exit.INPUT, "")
+    assert command.stderr == f"error: {tmp_path}/out: Read-only file system\n"
 
 
 def test_a_full_disk(tmp_path, monkeypatch, capsys):
@@ -1378,8 +1394,8 @@ def test_a_full_disk(tmp_path, monkeypatch, capsys):
     that can only be read."""
     place = tmp_path / "disk"
     place.mkdir()
-    mounted = ["mount", "-t", "tmpfs", "-o", "size=10m", "tmpfs", str(place)]
-    if subprocess.run(mounted, capture_output=True, check=False).returncode:
+    mount_command = ["mount", "-t", "tmpfs", "-o", "size=10m", "tmpfs", str(place)]
+    if subprocess.run(mount_command, capture_output=True, check=False).returncode:
         pytest.skip("needs the right to mount a small disk")
     try:
         result = subprocess.run(
@@ -1444,12 +1460,12 @@ def test_room_is_estimated(system, tmp_path, monkeypatch, desat):
             "disk_usage",
             lambda path: small if str(path).startswith(str(tmp_path)) else usage,
         )
-        done = desat(
+        command = desat(
             "run", str(system), "--step", "0.001", "--out", str(tmp_path / "out")
         )
-    assert done.returncode == 0
+    assert command.returncode == 0
     assert re.search(
-        r"^warning: .* may take .* are free", done.stderr.replace("\n", " ")
+        r"^warning: .* may take .* are free", command.stderr.replace("\n", " ")
     )
     case = prepare(str(system), Options(step=2.0**-29, stop=999.0))
     assert validation.size(case.system, case.options) == 16 * (999 * 2**29 + 1)
@@ -1462,20 +1478,16 @@ def test_room_is_estimated(system, tmp_path, monkeypatch, desat):
 def test_ten_thousand_outputs(tmp_path, binary):
     """They are recorded, all rows of them, also of a run that crashes, and reported."""
     numbers = range(1, 10_001)
-    described = DESCRIPTION.format(identifier="failing")
+    xml = DESCRIPTION.format(identifier="failing")
     variables = "".join(
         f'<ScalarVariable name="y{i}" valueReference="{i}" causality="output"><Real/>'
         "</ScalarVariable>"
         for i in numbers
     )
     outputs = "".join(f'<Unknown index="{i + 1}" dependencies=""/>' for i in numbers)
-    described = re.sub(
-        '<ScalarVariable name="y".*?</ScalarVariable>', variables, described
-    )
-    described = re.sub(
-        "<Outputs>.*</Outputs>", f"<Outputs>{outputs}</Outputs>", described
-    )
-    result = fmu(tmp_path / "s/resources/failing.fmu", binary, description=described)
+    xml = re.sub('<ScalarVariable name="y".*?</ScalarVariable>', variables, xml)
+    xml = re.sub("<Outputs>.*</Outputs>", f"<Outputs>{outputs}</Outputs>", xml)
+    result = fmu(tmp_path / "s/resources/failing.fmu", binary, description=xml)
     (result.parents[1] / "SystemStructure.ssd").write_text(ssd(start="-1097"))
     run = simulate(
         prepare(str(result.parents[1]), options("SEGFAULT")), tmp_path / "out"
@@ -1616,7 +1628,7 @@ def test_devices_and_pipes_are_not_read(system, tmp_path):
     assert "not a regular file" in problem
 
 
-def zipped(path: Path, entries: dict[str, bytes]) -> Path:
+def zip_file(path: Path, entries: dict[str, bytes]) -> Path:
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in entries.items():
             archive.writestr(name, data)
@@ -1624,20 +1636,20 @@ def zipped(path: Path, entries: dict[str, bytes]) -> Path:
 
 
 def test_budgets_of_archives(tmp_path, monkeypatch):
-    bomb = zipped(tmp_path / "bomb.ssp", {"a": bytes(40 << 20)})
+    bomb = zip_file(tmp_path / "bomb.ssp", {"a": bytes(40 << 20)})
     with pytest.raises(
         DesatError, match=r"39 KiB would become 40 MiB; 200 times its size"
     ):
         library.extract(bomb)
-    many = zipped(tmp_path / "many.ssp", {str(i): b"" for i in range(io.ENTRIES + 1)})
+    many = zip_file(tmp_path / "many.ssp", {str(i): b"" for i in range(io.ENTRIES + 1)})
     with pytest.raises(DesatError, match="20001 entries; 20000 allowed"):
         library.extract(many)
-    deep = zipped(tmp_path / "deep.ssp", {"a/" * 40 + "b": b""})
+    deep = zip_file(tmp_path / "deep.ssp", {"a/" * 40 + "b": b""})
     with pytest.raises(DesatError, match="41 folders; 32 allowed"):
         library.extract(deep)
     monkeypatch.setattr(io, "IN_ALL", io._extracted + 10)
     with pytest.raises(DesatError, match="with the archives before it more than"):
-        library.extract(zipped(tmp_path / "all.ssp", {"a": bytes(11)}))
+        library.extract(zip_file(tmp_path / "all.ssp", {"a": bytes(11)}))
     link = zipfile.ZipInfo("link")
     link.external_attr = (stat.S_IFLNK | 0o777) << 16
     with zipfile.ZipFile(tmp_path / "link.ssp", "w") as archive:
@@ -1671,7 +1683,7 @@ OUTSIDE = '<ssd:ParameterBindings><ssd:ParameterBinding source="../p.ssv"/></ssd
 
 
 @pytest.mark.parametrize(
-    ("values", "checked"),
+    ("values", "check_code"),
     [
         ({"source": "../failing.fmu"}, 1),
         ({"inside": OUTSIDE}, 1),
@@ -1684,18 +1696,18 @@ OUTSIDE = '<ssd:ParameterBindings><ssd:ParameterBinding source="../p.ssv"/></ssd
     ids=str,
 )
 def test_a_file_that_is_refused_ends_run_and_check_alike(
-    desat, system, binary, values, checked
+    desat, system, binary, values, check_code
 ):
     """By the codes of the README, in lines, and without a folder of the run."""
     of_fmu = {k: values.pop(k) for k in ("identifier", "folder") if k in values}
     if of_fmu:
         fmu(system / "resources/failing.fmu", binary, **of_fmu)
     (system / "SystemStructure.ssd").write_text(ssd(**values))
-    for command, code in (("run", Exit.INPUT), ("check", checked)):
+    for command, code in (("run", Exit.INPUT), ("check", check_code)):
         more = ("--out", str(system / "out")) if command == "run" else ()
-        done = desat(command, str(system), "--step", "1", *more)
-        assert done.returncode == code, done.stderr
-        lines = (done.stdout + done.stderr).splitlines()
+        result = desat(command, str(system), "--step", "1", *more)
+        assert result.returncode == code, result.stderr
+        lines = (result.stdout + result.stderr).splitlines()
         assert lines
         assert not any("internal" in x or "Traceback" in x for x in lines)
         assert not (system / "out").exists()
@@ -1736,22 +1748,22 @@ def test_check_runs_no_foreign_code_unless_trusted(apart, system, tmp_path):
         f"failing.fmu is foreign native code, for linux64; sha256 {digest}"
         in result.stderr
     )
-    listed = tmp_path / "trusted"
-    listed.write_text(f"# mine\n{digest}  failing.fmu\n")
-    result = apart(*cases, "--trust", str(listed))
+    trust_file = tmp_path / "trusted"
+    trust_file.write_text(f"# mine\n{digest}  failing.fmu\n")
+    result = apart(*cases, "--trust", str(trust_file))
     assert result.returncode == Exit.UNMET
     assert ": bad: entering initialisation ended the process: SIGSEGV" in result.stderr
-    listed.write_text("0" * 64)
+    trust_file.write_text("0" * 64)
     result = apart(
-        "run", *cases[1:], "--trust", str(listed), "--out", str(tmp_path / "out")
+        "run", *cases[1:], "--trust", str(trust_file), "--out", str(tmp_path / "out")
     )
     assert result.returncode == Exit.INPUT
     assert "bad: failing.fmu is not of the list of --trust" in result.stderr
-    listed.write_text("so what")
+    trust_file.write_text("so what")
     with pytest.raises(
         DesatError, match="trusted:1: 'so what': a sha256 of 64 digits is needed"
     ):
-        library.hashes(listed)
+        library.hashes(trust_file)
 
 
 def test_a_binary_for_elsewhere_is_said(tmp_path):
@@ -1850,10 +1862,10 @@ def test_a_reader_that_goes_away(system, tmp_path):
 def test_control_characters_do_not_reach_the_terminal(desat, capsys, tmp_path):
     (tmp_path / "a.toml").write_text('extends = "b\\u001b[31mc"\ntitle = "T"\n')
     for target in ("a\033[31mb", str(tmp_path / "a.toml")):
-        done = desat("run", target)
-        assert done.returncode == Exit.INPUT
-        assert "\ufffd[31m" in done.stderr
-        assert "\033" not in done.stderr
+        command = desat("run", target)
+        assert command.returncode == Exit.INPUT
+        assert "\ufffd[31m" in command.stderr
+        assert "\033" not in command.stderr
     console = plain_console()
     console.print("a\033[31mb\x07", markup=False)
     assert capsys.readouterr().out == "a\ufffd[31mb\ufffd\n"
@@ -2051,25 +2063,27 @@ def test_every_failure_of_the_table_has_its_test():
                 sources[node.name] = "\n".join([own_value, ast.unparse(node), *used])
     assert len(rows) > 40
     for row in rows:
-        named = re.findall(r"`(test_\w+)`", row)
-        assert named, row
-        assert set(named) <= sources.keys(), row
+        test_names = re.findall(r"`(test_\w+)`", row)
+        assert test_names, row
+        assert set(test_names) <= sources.keys(), row
     assert {row: wrong for row in rows if (wrong := lacking(row, sources))} == {}
-    cited = "".join(
+    cited_sources = "".join(
         sources[x] for row in rows for x in re.findall(r"`(test_\w+)`", row)
     )
-    assert [failure for failure in FAILURES[1:] if f'"{failure}"' not in cited] == []
+    assert [
+        failure for failure in FAILURES[1:] if f'"{failure}"' not in cited_sources
+    ] == []
     # each with the tests of all others in turn
     tests = ["`, `".join(re.findall(r"`(test_\w+)`", row)) for row in rows]
-    missed = [
+    clashes = [
         (row, other)
         for row, own_value in zip(rows, tests, strict=True)
         for other in tests
         if not set(own_value.split("`, `")) & set(other.split("`, `"))
         and not lacking(re.sub(r"`test_.*`", f"`{other}`", row), sources)
     ]
-    assert len(missed) < 0.01 * len(rows) ** 2, missed
-    known = {str(int(code)) for code in Exit}
+    assert len(clashes) < 0.01 * len(rows) ** 2, clashes
+    known_codes = {str(int(code)) for code in Exit}
     table = page[page.index("## Components") : page.index("## Archives")]
     codes = {
         x
@@ -2077,14 +2091,16 @@ def test_every_failure_of_the_table_has_its_test():
         if row.startswith("| ")
         for x in re.findall(r"\b\d+\b", row.split("|")[5])
     }
-    assert codes <= known, codes - known
+    assert codes <= known_codes, codes - known_codes
 
 
 def test_the_page_has_what_was_seen():
     """`python -m benchmarks.seen` writes it, of what was kept."""
     page = seen.PAGE.read_text(encoding="utf-8")
     assert page.split(seen.BEGIN)[1].split(seen.END)[0] == seen.part()
-    saved = seen.known()
-    assert all(part["equal"] for part in saved["same bits"].values())
-    assert all(part["equal"] == part["runs"] for part in saved["killed"].values())
-    assert not any(part["different"] for part in saved["targets"].values())
+    stored_results = seen.known()
+    assert all(part["equal"] for part in stored_results["same bits"].values())
+    assert all(
+        part["equal"] == part["runs"] for part in stored_results["killed"].values()
+    )
+    assert not any(part["different"] for part in stored_results["targets"].values())

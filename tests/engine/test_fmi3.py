@@ -205,24 +205,29 @@ def test_every_type_comes_through_alike_in_both_loops(folder):
     results = [rows(folder, loop) for loop in BOTH]
     for name, values in results[0].items():
         assert values.tobytes() == results[1][name].tobytes(), name
-    got = results[0]
+    first_rows = results[0]
     t = 0.5 * np.arange(21)
     y = 2.0 * 0.5 + np.sin(t + 0.5)[:-1]  # over the step from t
     np.testing.assert_array_equal(
-        got["a/y"][:-1, 0] if "a/y" in got else got["a.y"][:20, 0], y
+        first_rows["a/y"][:-1, 0] if "a/y" in first_rows else first_rows["a.y"][:20, 0],
+        y,
     )
-    b = got["b.y"][:20]
+    b = first_rows["b.y"][:20]
     np.testing.assert_allclose(b[:, 1], 2.0 * (3.0 * y - 0.1), rtol=1e-15)
-    assert (got["a.y"][:20, 1:] == (3.0, 14.0)).all()
+    assert (first_rows["a.y"][:20, 1:] == (3.0, 14.0)).all()
     assert (b[:, 2] == 5.0).all()
-    np.testing.assert_array_equal(got["b.f_out"][:20], np.float32(y) / np.float32(3))
     np.testing.assert_array_equal(
-        got["b.table"].reshape(21, 4), 10.0 * np.arange(4) + t[:, None], strict=True
+        first_rows["b.f_out"][:20], np.float32(y) / np.float32(3)
+    )
+    np.testing.assert_array_equal(
+        first_rows["b.table"].reshape(21, 4),
+        10.0 * np.arange(4) + t[:, None],
+        strict=True,
     )
     for n in FULL_RANGE:
-        assert (got[f"b.{n.lower()}_out"][:20] == 3).all(), n
-    assert got["b.b_out"][:20].all() == 0
-    assert (got["b.m_out"][:20] == 1).all()
+        assert (first_rows[f"b.{n.lower()}_out"][:20] == 3).all(), n
+    assert first_rows["b.b_out"][:20].all() == 0
+    assert (first_rows["b.m_out"][:20] == 1).all()
 
 
 @pytest.mark.parametrize("loop", BOTH)
@@ -397,9 +402,11 @@ def test_the_last_value_of_a_type_is_one_of_it(folder, loop):
     most = (1 << 31) - 1
     with Master(*system(folder, int8_in=-128, uint8_in=255, int32_in=most)) as m:
         m.initialise()
-    got = rows(folder, loop, 4, of="a", int64_in=most - 2, int8_in=-128, uint8_in=253)
-    assert set(got["b.int64_out"]) == {most}
-    assert (got["a.int8_out"][0], got["b.uint8_out"][0]) == (-127, 255)
+    last_rows = rows(
+        folder, loop, 4, of="a", int64_in=most - 2, int8_in=-128, uint8_in=253
+    )
+    assert set(last_rows["b.int64_out"]) == {most}
+    assert (last_rows["a.int8_out"][0], last_rows["b.uint8_out"][0]) == (-127, 255)
     with pytest.raises(
         ComponentError, match=rf"b: .*int64_out = {most + 1} is beyond -2147483648"
     ):

@@ -52,7 +52,7 @@ def full(
 
 
 @pytest.fixture
-def limited(shim, apart, tmp_path) -> Command:
+def limited_command(shim, apart, tmp_path) -> Command:
     """`desat` where the folder `out` takes so many new bytes (`most`)."""
 
     def run(*arguments: str, most: int, number: int = errno.ENOSPC):
@@ -65,20 +65,20 @@ def limited(shim, apart, tmp_path) -> Command:
 RUN = ("run", "gyrostat/free", "--step", "0.01", "--stop", "300", "--no-baseline")
 
 
-def named(text: str) -> list[str]:
+def shorten_lines(text: str) -> list[str]:
     """Lines but for the warning that the series may not fit."""
     return [line for line in text.splitlines() if "may take" not in line]
 
 
 @pytest.mark.parametrize("number", MEANT)
-def test_a_disk_that_fills_while_rows_are_written(limited, tmp_path, number):
+def test_a_disk_that_fills_while_rows_are_written(limited_command, tmp_path, number):
     """As `test_a_full_disk`, where nobody may mount one: rows until then, manifest, no
     report, and no part of a CSV file, which it once was that the command spoke of, in
     place of the run."""
-    done = limited(*RUN, "--csv", most=12_000_000, number=number)
-    assert done.returncode == Exit.SPACE, done.stderr
+    command = limited_command(*RUN, "--csv", most=12_000_000, number=number)
+    assert command.returncode == Exit.SPACE, command.stderr
     out, text = tmp_path / "out", MEANT[number]
-    *warnings, last = named(done.stderr)
+    *warnings, last = shorten_lines(command.stderr)
     assert warnings == [
         f"warning: {out}: it has no {subject}: {text}"
         for subject in ("report", "series.csv")
@@ -93,16 +93,16 @@ def test_a_disk_that_fills_while_rows_are_written(limited, tmp_path, number):
     assert times[-1] == pytest.approx(0.01 * (len(times) - 1))
 
 
-def test_no_room_for_what_follows_a_run(limited, tmp_path):
+def test_no_room_for_what_follows_a_run(limited_command, tmp_path):
     """It is named, and nothing is left of it."""
     cases, out = (*RUN[:3], "1", *RUN[4:], "--csv"), tmp_path / "out"
-    full = limited(*cases, most=1 << 40)
+    full = limited_command(*cases, most=1 << 40)
     assert full.returncode == Exit.COMPLETED, full.stderr
     sizes = {p.name: p.stat().st_size for p in out.iterdir()}
     used = int.from_bytes((tmp_path / "used").read_bytes(), "little")
     shutil.rmtree(out)
-    done = limited(*cases, most=used - sizes["series.csv"] // 2)
-    assert (done.returncode, named(done.stderr)) == (
+    command = limited_command(*cases, most=used - sizes["series.csv"] // 2)
+    assert (command.returncode, shorten_lines(command.stderr)) == (
         Exit.SPACE,
         [f"error: {out}: its series.csv: no space left on the disk"],
     )
@@ -121,8 +121,10 @@ try:
 except OSError as error:
     print(error.errno, error.filename)
 """
-    done = python(
+    script_run = python(
         script,
         env={**os.environ, **full(shim, tmp_path, "out/cases/part-00000.jsonl", 100)},
     )
-    assert done.stdout == f"{errno.ENOSPC} {tmp_path}/out/cases/part-00000.jsonl\n"
+    assert (
+        script_run.stdout == f"{errno.ENOSPC} {tmp_path}/out/cases/part-00000.jsonl\n"
+    )

@@ -364,9 +364,11 @@ def test_rows_around_a_chunk(probe, monkeypatch, tmp_path, rows, every, ticks):
             with recorder.finish(m) as results:
                 if every > 1:
                     results.thin(every)
-                saved = [float(k) for k in range(0, rows, every)]
+                kept_times = [float(k) for k in range(0, rows, every)]
                 assert (
-                    results.times().tolist() == results.values("a.x").tolist() == saved
+                    results.times().tolist()
+                    == results.values("a.x").tolist()
+                    == kept_times
                 )
                 assert len(results.values("b.y")) == len(range(0, rows - 1, every))
             assert [p.name for p in tmp_path.iterdir()] == ([file] if file else [])
@@ -408,10 +410,10 @@ def test_rows_that_are_in_memory_when_a_process_dies():
         return times.tolist()
 
     take([1.0, 2.0, 3.0])
-    handed = unwritten.swap()
+    older_half = unwritten.swap()
     take([4.0, 5.0])
     assert (unwritten.written, remaining_rows()) == (0, [1.0, 2.0, 3.0, 4.0, 5.0])
-    unwritten.wrote(handed)
+    unwritten.wrote(older_half)
     assert (unwritten.written, remaining_rows()) == (3, [4.0, 5.0])
     unwritten.swap()
     take([6.0])
@@ -449,18 +451,18 @@ def test_the_ending_is_asked_where_its_condition_changes(probe):
 def test_signals_are_seen_between_chunks(probe):
     with Master(*system(probe)) as m:
         m.initialise()
-        seen: list[int] = []
+        step_numbers: list[int] = []
         run(
             m,
             stepping(m, None),
             10**6,
             Recorder(None, m),
             NEVER,
-            lambda: int(len(seen) >= 3),
-            seen.append,
+            lambda: int(len(step_numbers) >= 3),
+            step_numbers.append,
         )
         assert 0 < m.k < 10**6
-        assert seen[-1] == m.k
+        assert step_numbers[-1] == m.k
 
 
 def test_loops_take_turns(probe):

@@ -124,14 +124,14 @@ def _function_instances(monkeypatch, request):
 
 
 def rows(sys: System, steps: int, algorithm="gauss_seidel"):
-    seen = []
+    live_rows = []
     with Master(sys, schedule(sys), algorithm=algorithm) as m:
         m.initialise()
         names = {(s.component, s.signal.name): s.index for s in m.slots}
         for _ in range(steps):
-            m.advance(lambda k, live: seen.append((k, live["Real"].copy())))
+            m.advance(lambda k, live: live_rows.append((k, live["Real"].copy())))
         units = {n: member.instance for n, member in m.members.items()}
-    return [(k, {n: v[i] for n, i in names.items()}) for k, v in seen], units
+    return [(k, {n: v[i] for n, i in names.items()}) for k, v in live_rows], units
 
 
 def chain() -> System:
@@ -152,8 +152,8 @@ def chain() -> System:
 
 
 def test_conserving_has_no_delay():
-    found, units = rows(chain(), 5)
-    for k, row in found:
+    chain_rows, units = rows(chain(), 5)
+    for k, row in chain_rows:
         assert row["source", "state_y"] == k
         assert row["sensor", "interval_y"] == 10 * k, (
             "the interval value over [t_k, t_k+1)"
@@ -162,15 +162,17 @@ def test_conserving_has_no_delay():
     assert [u for _, _, u in units["integrator"].log] == [
         [10 * k + 1] for k in range(5)
     ]
-    assert found[-1][1]["integrator", "state_y"] == sum(10 * k + 1 for k in range(4))
+    assert chain_rows[-1][1]["integrator", "state_y"] == sum(
+        10 * k + 1 for k in range(4)
+    )
 
 
 def test_jacobi_delays_by_a_step_a_link():
-    found, _units = rows(chain(), 6, "jacobi")
-    assert [k for k, _ in found] == [1, 2, 3, 4, 5, 6], (
+    chain_rows, _units = rows(chain(), 6, "jacobi")
+    assert [k for k, _ in chain_rows] == [1, 2, 3, 4, 5, 6], (
         "a row has the outputs of its time"
     )
-    for k, row in found:
+    for k, row in chain_rows:
         assert row["source", "state_y"] == k
         assert row["sensor", "interval_y"] == 10 * (k - 1)
         assert row["actuator", "interval_y"] == (10 * (k - 2) + 1 if k >= 2 else 1)
@@ -180,11 +182,11 @@ def test_listing_order_does_not_matter():
     reference, _ = rows(chain(), 6)
     for order in itertools.permutations(chain().components):
         components = {n: chain().components[n] for n in order}
-        shuffled = replace(
+        reordered_system = replace(
             chain(), components=components, connections=chain().connections[::-1]
         )
-        found, _ = rows(shuffled, 6)
-        assert [(k, sorted(r.items())) for k, r in found] == [
+        reordered_rows, _ = rows(reordered_system, 6)
+        assert [(k, sorted(r.items())) for k, r in reordered_rows] == [
             (k, sorted(r.items())) for k, r in reference
         ]
 
@@ -206,16 +208,16 @@ def test_step_ratios(algorithm):
         ],
         [("a", "state_y", "b", "u0")],
     )
-    found, units = rows(sys, 12, algorithm)
+    rate_rows, units = rows(sys, 12, algorithm)
     assert [(t, dt) for t, dt, _ in units["b"].log] == [(0, 3), (3, 3), (6, 3), (9, 3)]
-    seen = [u[0] for _, _, u in units["b"].log]
+    inputs_of_b = [u[0] for _, _, u in units["b"].log]
     if (
         algorithm == "jacobi"
     ):  # an output moves when both are due: every lcm(2, 3) = 6 steps
-        assert seen == [0, 0, 6, 6]
+        assert inputs_of_b == [0, 0, 6, 6]
     else:  # the latest state at t_k
-        assert seen == [0, 2, 6, 8]
-    a = [row["a", "state_y"] for _, row in found]
+        assert inputs_of_b == [0, 2, 6, 8]
+    a = [row["a", "state_y"] for _, row in rate_rows]
     assert a == (
         [0, 0, 2, 2, 4, 4, 6, 6, 8, 8, 10, 10]
         if algorithm == "gauss_seidel"
@@ -234,8 +236,8 @@ def test_conversion_of_units_and_values():
             ("a", "state_y", "b", "u1"),
         ],
     )
-    found, _ = rows(sys, 1)
-    assert found[0][1]["b", "interval_y"] == 361 + 18000
+    converted_rows, _ = rows(sys, 1)
+    assert converted_rows[0][1]["b", "interval_y"] == 361 + 18000
 
 
 def test_a_cycle_is_named():
@@ -261,21 +263,21 @@ def test_undeclared_outputs_in_a_circle_are_late_with_a_warning():
         [component("a", 1, outputs=("undeclared",)), component("b", 1)],
         [("a", "undeclared_y", "b", "u0"), ("b", "interval_y", "a", "u0")],
     )
-    checked = check_draft(parts)
-    assert not checked.problems
+    case = check_draft(parts)
+    assert not case.problems
     assert (
         "a declares no dependencies: undeclared_y may depend on every input and are taken one "
-        "step late, as they close a circle" in (checked.warnings[0])
+        "step late, as they close a circle" in (case.warnings[0])
     )
-    assert {moment for _, moment in checked.schedule.timing} == {
+    assert {moment for _, moment in case.schedule.timing} == {
         "one step late",
         "over the step",
     }
     parts.output_classes["a.undeclared_y"] = "interval"
     parts.warnings.clear()
-    checked = check_draft(parts)
-    assert "cycle" in checked.problems[0]
-    assert not checked.warnings
+    case = check_draft(parts)
+    assert "cycle" in case.problems[0]
+    assert not case.warnings
 
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf"), -float("inf")])
@@ -308,10 +310,10 @@ def test_the_loop_ends_where_a_condition_says():
             s for s in m.slots if (s.component, s.signal.name) == ("source", "state_y")
         ]
 
-        def finished() -> str:
+        def give_reason() -> str:
             return "three" if m.live[time.kind][time.index] >= 3.0 else ""
 
-        ending = Ending(finished)
+        ending = Ending(give_reason)
         steps = stepping(m, recorder, ending)
         assert (steps.name, steps.reason) == ("python", "sensor is not run as an FMU")
         reason = run(m, steps, 10, recorder, ending)
@@ -353,9 +355,12 @@ def test_schedule_is_topological_and_independent_of_listing(order, pairs):
         wires = [(f"c{a}", "interval_y", f"c{b}", f"u{a}") for a, b in edges]
         return system(parts, wires)
 
-    found = schedule(make(order)).order
-    assert found == schedule(make(range(6))).order
-    assert all(found.index(f"c{a}") < found.index(f"c{b}") for a, b in edges)
+    order_of_schedule = schedule(make(order)).order
+    assert order_of_schedule == schedule(make(range(6))).order
+    assert all(
+        order_of_schedule.index(f"c{a}") < order_of_schedule.index(f"c{b}")
+        for a, b in edges
+    )
 
 
 # --- with FMUs ------------------------------------------------------------------------
@@ -416,10 +421,10 @@ def test_same_bits_again_and_from_the_packed_file():
     assert bits(first) == bits(execute(name, Options()))
     from desat.export.packing import pack_scenario
 
-    packed = execute(str(pack_scenario(find(name))), Options())
-    assert bits(first) == bits(packed)
-    assert packed.manifest["numbers"] == first.manifest["numbers"]
-    assert packed.manifest["ssp"]["sha256"]
+    packed_run = execute(str(pack_scenario(find(name))), Options())
+    assert bits(first) == bits(packed_run)
+    assert packed_run.manifest["numbers"] == first.manifest["numbers"]
+    assert packed_run.manifest["ssp"]["sha256"]
 
 
 def test_same_bits_in_other_processes():
@@ -435,13 +440,13 @@ def test_same_bits_under_permuted_components():
     name = "uosat12/table3-ocdc-ilqr-2"
     reference = None
     for seed in range(4):
-        shuffled = build(read(name), Options())
+        permuted_system = build(read(name), Options())
         rng = np.random.default_rng(seed)
-        names = list(shuffled.components)
+        names = list(permuted_system.components)
         rng.shuffle(names)
-        shuffled.components = {n: shuffled.components[n] for n in names}
-        rng.shuffle(shuffled.connections)
-        with Master(*check_draft(shuffled).or_raise()) as m:
+        permuted_system.components = {n: permuted_system.components[n] for n in names}
+        rng.shuffle(permuted_system.connections)
+        with Master(*check_draft(permuted_system).or_raise()) as m:
             m.initialise()
             for _ in range(60):
                 m.advance()

@@ -203,8 +203,8 @@ def test_recording_less():
     }
     assert run.results.times().tolist() == [70.0 * k for k in range(9)]
     full = execute(NAME, Options())
-    expected = full.results.values("manager.m_cmd_body")[::7]
-    assert np.array_equal(run.results.values("manager.m_cmd_body"), expected)
+    every_seventh = full.results.values("manager.m_cmd_body")[::7]
+    assert np.array_equal(run.results.values("manager.m_cmd_body"), every_seventh)
     assert set(run.manifest["numbers"]) == {"firing_time"}, (
         "the others' series are not recorded"
     )
@@ -242,13 +242,13 @@ def test_memory_does_not_grow_with_the_steps(tmp_path, monkeypatch):
 
 def test_many_variables_share_tables(tmp_path, monkeypatch):
     """The same names, values and attributes as with a data set each."""
-    found = []
+    tables = []
     for many in (shared_tables.MANY, 3):
         monkeypatch.setattr(shared_tables, "MANY", many)
         with execute(
             "integrated/mil-nadir", Options(stop=20.0), tmp_path / str(many)
         ).results as r:
-            found.append(
+            tables.append(
                 [
                     (
                         n,
@@ -264,8 +264,8 @@ def test_many_variables_share_tables(tmp_path, monkeypatch):
             )
         with h5py.File(tmp_path / str(many) / "series.h5") as file:
             assert (shared_tables.INDEX in file) == (many == 3)
-    assert len(found[0]) > 20
-    assert found[0] == found[1]
+    assert len(tables[0]) > 20
+    assert tables[0] == tables[1]
 
 
 def test_csv(folder, tmp_path):
@@ -280,8 +280,8 @@ def test_csv(folder, tmp_path):
     assert not any(cell in ("", "nan") for row in rows for cell in row)
     with Results.open(folder) as results:
         column = head.index("torquers.m_mean_body[2] [A.m2]")
-        written = [float(row[column]) for row in rows]
-        assert written == results.values("torquers.m_mean_body")[:, 1].tolist()
+        csv_values = [float(row[column]) for row in rows]
+        assert csv_values == results.values("torquers.m_mean_body")[:, 1].tolist()
     names = {"=1": "'=1", "-a": "'-a", "+a": "'+a", "@a": "'@a", "a.b": "a.b"}
     assert {x: no_formula(x) for x in names} == names
 
@@ -425,7 +425,7 @@ def test_a_killed_run_can_be_read(tmp_path, desat):
 def test_measures():
     times = np.arange(5.0)
     values = np.array([[3.0, 4.0], [0, 0], [-6, 8], [1, 0], [0, 2]])
-    found = {
+    measures = {
         n: f(times, values)
         for n, f in MEASURES.items()
         if n
@@ -440,7 +440,7 @@ def test_measures():
             "largest_mean",
         )
     }
-    assert found == {
+    assert measures == {
         "last": 0,
         "norm_last": 2,
         "largest": 8,
@@ -467,14 +467,14 @@ def test_each_number_of_a_series_that_is_not_there_is_said():
     lines = [
         x for x in content_problems(content, draft.components) if x[0][0] == "numbers"
     ]
-    gone = ("manager.", "spacecraft.")
-    expected = {
+    absent_parts = ("manager.", "spacecraft.")
+    lost_numbers = {
         n
         for n, x in content.numbers.items()
-        if any(s.startswith(gone) for s in x.signals)
+        if any(s.startswith(absent_parts) for s in x.signals)
     }
-    assert expected
-    assert {path[1] for path, _ in lines} == expected
+    assert lost_numbers
+    assert {path[1] for path, _ in lines} == lost_numbers
     assert all(path[2:] == ("signal",) for path, _ in lines), lines
     assert all(
         re.match(r"no component (manager|spacecraft)", text) for _, text in lines
@@ -519,7 +519,7 @@ def test_modes_have_names_of_their_block(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("unit", "shown"),
+    ("unit", "spelling"),
     [
         ("A2.m4.s", "A2 m4 s"),
         ("uN.m", "uN m"),
@@ -528,8 +528,8 @@ def test_modes_have_names_of_their_block(tmp_path):
         ("1", ""),
     ],
 )
-def test_units_as_people_write_them(unit, shown):
-    assert spell_unit(unit) == shown
+def test_units_as_people_write_them(unit, spelling):
+    assert spell_unit(unit) == spelling
 
 
 def test_the_page_of_results_works_as_it_says(tmp_path, monkeypatch, capsys):
@@ -589,11 +589,11 @@ def test_nothing_is_packed_by_a_thread_that_steps(tmp_path, monkeypatch):
     """ISA-L would leave it slow (`packed.aside`)."""
     compress, threads = isal_zlib.compress, []
 
-    def seen(values: bytes, level: int) -> bytes:
+    def compress_on_thread(values: bytes, level: int) -> bytes:
         threads.append(threading.current_thread())
         return compress(values, level)
 
-    monkeypatch.setattr(isal_zlib, "compress", seen)
+    monkeypatch.setattr(isal_zlib, "compress", compress_on_thread)
     monkeypatch.setattr(recorder_module, "ROWS", 16)
     execute(NAME, Options(checkpoint=200.0), tmp_path / "a").results.close()
     assert len(threads) > 100
@@ -602,7 +602,7 @@ def test_nothing_is_packed_by_a_thread_that_steps(tmp_path, monkeypatch):
     )
     execute(NAME, Options(), tmp_path / "b").results.close()
     monkeypatch.undo()
-    monkeypatch.setattr(isal_zlib, "compress", seen)
+    monkeypatch.setattr(isal_zlib, "compress", compress_on_thread)
     before = len(threads)
     series_file.pack(tmp_path / "b" / "series.h5")
     assert len(threads) > before
@@ -613,23 +613,23 @@ def test_numbers_of_the_same_series_derive_once(folder, monkeypatch):
     signals = ["environment.b_eci", "environment.r_eci"]
     number = {"signal": signals, "derive": "angle_between"}
     angle, calls = derived.QUANTITIES["angle_between"], []
-    counted = derived.DerivedQuantity(
+    counting_angle = derived.DerivedQuantity(
         lambda a, b: calls.append(len(a)) or angle.function(a, b),
         angle.names,
         angle.unit,
     )
-    monkeypatch.setitem(derived.QUANTITIES, "angle_between", counted)
+    monkeypatch.setitem(derived.QUANTITIES, "angle_between", counting_angle)
     with Results.open(folder) as results:
-        found = [
+        evaluations = [
             evaluate(Number(**number, measure=m), results, {})
             for m in ("largest", "last")
         ]
         assert calls == [61]
         evaluate(Number(**{**number, "signal": signals[::-1]}), results, {})
         assert calls == [61, 61]
-        expected = angle.function(*(results.values(s) for s in signals))
-    assert [number.value for number in found] == [expected.max(), expected[-1]]
-    assert [number.samples for number in found] == [61, 61]
+        angles = angle.function(*(results.values(s) for s in signals))
+    assert [number.value for number in evaluations] == [angles.max(), angles[-1]]
+    assert [number.samples for number in evaluations] == [61, 61]
 
 
 def test_what_was_made_lately_is_kept_within_bounds(folder, monkeypatch):
@@ -679,18 +679,18 @@ def test_a_foreign_array_keeps_its_own_names(tmp_path, names, series):
     component = Component("mine", "mine.fmu", fmu.interface, fmu=fmu)
     draft = Draft("here", "mine", components={"mine": component}, step=1.0, stop=3.0)
     draft.assign(Assignment("mine", name, value, "here") for name, value in b.items())
-    checked = check_draft(draft)
-    with Master(*checked.or_raise()) as m:
+    case = check_draft(draft)
+    with Master(*case.or_raise()) as m:
         m.initialise()
         recorder = Recorder(None, m)
         step_on(m, stepping(m, recorder, NEVER, "python"), 3, recorder)
         with recorder.finish(m) as results:
-            saved = {
+            saved_values = {
                 n: results.values(n)[0] for n in results.names() if n != "mine.valid"
             }
-    assert saved.keys() == {f"mine.{n}" for n in series}
+    assert saved_values.keys() == {f"mine.{n}" for n in series}
     for name, places in series.items():
-        assert np.atleast_1d(saved[f"mine.{name}"]).tolist() == [
+        assert np.atleast_1d(saved_values[f"mine.{name}"]).tolist() == [
             1e-5 * (i + 1) for i in places
         ]
 
@@ -699,12 +699,12 @@ def test_each_axis_of_a_series_has_a_scale(tmp_path):
     """Readers of netCDF-4 (xarray by h5netcdf) take a file for theirs only so."""
     execute("plant/light", Options(blocks=True, stop=10.0), tmp_path)
     with h5py.File(tmp_path / "series.h5") as file:
-        seen = 0
+        matrix_count = 0
         for component in (c for c in file if c != "time" and not c.startswith(".")):
             for series in file[component].values():
                 assert all(len(axis) == 1 for axis in series.dims), series.name
-                seen += series.ndim == 2
-        assert seen > 3
+                matrix_count += series.ndim == 2
+        assert matrix_count > 3
         assert file[".element.3"][()].tolist() == [1, 2, 3]
 
 
@@ -742,13 +742,15 @@ def test_a_pointing_error_does_not_depend_on_the_step(tmp_path):
         "magnetometer.noise": 0.0,
         "tachometers.noise": 0.0,
     }
-    found = {}
+    numbers_by_step = {}
     for step in (1.0, 0.5, 0.25):
         options = Options(stop=1500.0, step=step, substeps=1, values=quiet)
         run = execute(str(tmp_path / "c"), options)
-        found[step] = [run.manifest.numbers[n].value for n in ("pointing", "jitter")]
+        numbers_by_step[step] = [
+            run.manifest.numbers[n].value for n in ("pointing", "jitter")
+        ]
         plot = run.manifest.content.plots["pointing"]
         (ax,) = series_figure(plot, [("", run.results, run.manifest.parameters)]).axes
         assert max(len(m.x) for m in ax.marks) == round(1500.0 / step)
-    for values in found.values():
-        assert values == pytest.approx(found[1.0], rel=0.02)
+    for values in numbers_by_step.values():
+        assert values == pytest.approx(numbers_by_step[1.0], rel=0.02)

@@ -89,13 +89,15 @@ def test_of_a_foreign_fmu_only_the_description_is_read(tmp_path):
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None or sys.platform != "linux":
         pytest.skip("needs Linux and a C compiler")
-    code, built = tmp_path / "ends.c", tmp_path / "ends.so"
+    code, shared_object = tmp_path / "ends.c", tmp_path / "ends.so"
     code.write_text(
         "#include <stdlib.h>\n"
         "__attribute__((constructor)) static void ends(void) { abort(); }\n"
         "int fmi2Instantiate, fmi2DoStep;\n"
     )
-    subprocess.run([compiler, "-shared", "-fPIC", "-o", built, code], check=True)
+    subprocess.run(
+        [compiler, "-shared", "-fPIC", "-o", shared_object, code], check=True
+    )
     fmu = tmp_path / "theirs.fmu"
     with (
         zipfile.ZipFile(paths.fmus() / "magnetometer.fmu") as ours,
@@ -106,7 +108,7 @@ def test_of_a_foreign_fmu_only_the_description_is_read(tmp_path):
             if name == "modelDescription.xml":
                 data = data.replace(b"desat with PythonFMU", b"another tool")
             is_library = name.startswith("binaries/")
-            theirs.writestr(name, built.read_bytes() if is_library else data)
+            theirs.writestr(name, shared_object.read_bytes() if is_library else data)
     options = Options(sources=[f"magnetometer={fmu}"], sets=["torquers.quiet_time=9"])
     problems, warnings = trial_initialisation.refusals(
         *prepare(COMBINED, options).or_raise()

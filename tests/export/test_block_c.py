@@ -58,7 +58,9 @@ def library(component, folder, inputs, outputs, samples=None):
         f"{place(component, signals[n])} = {str(v).lower() if isinstance(v, bool) else repr(v)};"
         for n, v in component.parameters.items()
     ]
-    put = [f"{place(component, signals[n])} = x[{i}];" for i, n in enumerate(inputs)]
+    assignments = [
+        f"{place(component, signals[n])} = x[{i}];" for i, n in enumerate(inputs)
+    ]
     get = [
         f"y[{i}] = (double){place(component, signals[n])};"
         for i, n in enumerate(outputs)
@@ -67,7 +69,7 @@ def library(component, folder, inputs, outputs, samples=None):
         f'#include "{name}.h"\nstatic {name} it, *const s = &it;\n'
         f'void set(void) {{ {name}_init(s); s->instance = "{component.name}"; '
         f"{' '.join(values)} }}\n"
-        f"void put(const double *x) {{ (void)x; {' '.join(put)} }}\n"
+        f"void put(const double *x) {{ (void)x; {' '.join(assignments)} }}\n"
         f"void get(double *y) {{ (void)y; {' '.join(get)} }}\n"
         f"int start(double t) {{ return {name}_start(s, t); }}\n"
         f"int step(double t, double dt) {{ return {name}_step(s, t, dt); }}\n"
@@ -87,16 +89,16 @@ def library(component, folder, inputs, outputs, samples=None):
         ],
         check=True,
     )
-    loaded = ctypes.CDLL(str(shared_library))
-    loaded.start.argtypes, loaded.step.argtypes = (
+    c_library = ctypes.CDLL(str(shared_library))
+    c_library.start.argtypes, c_library.step.argtypes = (
         [ctypes.c_double],
         [ctypes.c_double] * 2,
     )
-    return loaded
+    return c_library
 
 
 @pytest.mark.parametrize(
-    ("target", "expected", "samples"),
+    ("target", "user", "samples"),
     [
         ("nadir_day/day-dipole", "", None),
         ("uosat12/table3-ocdc-ilqr-1", "manager", None),
@@ -106,14 +108,14 @@ def library(component, folder, inputs, outputs, samples=None):
         slow_value(("space_telescope/ours-nominal", "manager", None)),
     ],
 )
-def test_it_replays_a_run_with_its_bits(tmp_path, target, expected, samples):
+def test_it_replays_a_run_with_its_bits(tmp_path, target, user, samples):
     """Fed with what was recorded of the run."""
     system, _ = prepare(target, Options()).or_raise()
     stop = system.start + min(STEPS, system.steps) * system.step
     case = prepare(target, Options(stop=stop))
     system, schedule = case.or_raise()
     run = simulate(case)
-    results, compared = run.results, 0
+    results, sample_count = run.results, 0
 
     def series(component, name):
         base, arrays = base_name(name), system.components[component].interface.arrays
@@ -122,7 +124,7 @@ def test_it_replays_a_run_with_its_bits(tmp_path, target, expected, samples):
         return values if values.ndim == 1 else values[:, index]
 
     for component in system.components.values():
-        if expected not in ("", component.name):
+        if user not in ("", component.name):
             continue
         feeds = [c for c in system.connections if c.target == component.name]
         outputs = [s.name for s in component.interface.outputs if s.name != "fault"]
@@ -163,8 +165,8 @@ def test_it_replays_a_run_with_its_bits(tmp_path, target, expected, samples):
                 component.name,
                 name,
             )
-            compared += len(mine)
-    assert compared > 1000 or expected
+            sample_count += len(mine)
+    assert sample_count > 1000 or user
 
 
 @pytest.mark.slow
@@ -174,18 +176,18 @@ def test_a_plan_has_room_for_the_samples_that_are_asked_for(tmp_path, desat):
     for samples in (20, 60, None):
         option = ["--samples", str(samples)] if samples else []
         place = ["--out", str(tmp_path / str(samples)), "--json"]
-        done = desat("export", "c", name, *option, *place, check=True)
-        stacks.append(json.loads(done.stdout)["sizes"][0]["stack"])
+        command = desat("export", "c", name, *option, *place, check=True)
+        stacks.append(json.loads(command.stdout)["sizes"][0]["stack"])
     if stacks[0] is not None:  # another compiler than gcc
         assert stacks[0] < stacks[1] < 100_000 < stacks[2]
     header = (tmp_path / "60" / f"{name}.h").read_text()
     assert "room for plans of at most 60 samples" in header
     case = prepare("uosat12/beyond-receding_horizon-ilqr-1", Options(stop=200.0))
     component = case.or_raise()[0].components["manager"]
-    for count, refused in ((20, True), (60, False)):
+    for count, is_refused in ((20, True), (60, False)):
         it = library(component, tmp_path / f"lib{count}", [], [], count)
         it.set()
-        assert bool(it.start(0.0)) is refused
+        assert bool(it.start(0.0)) is is_refused
 
 
 @pytest.mark.parametrize(
@@ -197,9 +199,9 @@ def test_a_plan_has_room_for_the_samples_that_are_asked_for(tmp_path, desat):
     ],
 )
 def test_samples_that_do_not_fit_are_refused(desat, tmp_path, inputs, message):
-    done = desat("export", "c", *inputs, "--out", str(tmp_path))
-    assert done.returncode == 2
-    assert message in " ".join(done.stderr.split())
+    command = desat("export", "c", *inputs, "--out", str(tmp_path))
+    assert command.returncode == 2
+    assert message in " ".join(command.stderr.split())
     assert list(tmp_path.iterdir()) == []
 
 
@@ -225,10 +227,10 @@ def test_every_native_block_compiles_alone(tmp_path, name):
     )
     if (nm := shutil.which("nm")) is None:
         pytest.skip("there is no nm")
-    expected = subprocess.run(
+    nm_output = subprocess.run(
         [nm, "-u", str(result)], capture_output=True, text=True, check=True
     )
-    names = set(re.findall(r"U (\w+)", expected.stdout))
+    names = set(re.findall(r"U (\w+)", nm_output.stdout))
     assert not names & {
         "malloc",
         "calloc",
@@ -266,10 +268,10 @@ def test_failures_come_back_as_numbers(tmp_path):
 
 def test_the_command_writes_a_law_of_ones_own(tmp_path, desat):
     desat("new", "law", "mine", cwd=tmp_path, check=True)
-    done = desat(
+    command = desat(
         "export", "c", "mine.py", "--out", "c", "--json", cwd=tmp_path, check=True
     )
-    answer = json.loads(done.stdout)
+    answer = json.loads(command.stdout)
     assert len(answer["files"]) == 2
     assert all((tmp_path / x).exists() for x in answer["files"])
     assert answer["sizes"][0]["struct"] > 1000

@@ -109,7 +109,7 @@ NATIVE = ["integrated/mil-nadir", "gyrostat/full"]
 BOTH = [*((name, "python") for name in CASES), *((name, "native") for name in NATIVE)]
 
 
-def packed(name, kind, folder):
+def write_package(name, kind, folder):
     if kind == "python":
         return pack_scenario(find(name))
     return pack_scenario(find(name), folder / "native.ssp", fmus=kind)
@@ -120,10 +120,10 @@ def packed(name, kind, folder):
 )
 @pytest.mark.parametrize(("name", "kind"), slow_after(2, BOTH))
 def test_libcosim_agrees(name, kind, tmp_path):
-    path = packed(name, kind, tmp_path)
+    path = write_package(name, kind, tmp_path)
     outputs = real_outputs(path)
-    expected = [(c, list(v.values())) for c, v in outputs.items()]
-    theirs = rows_of(python(LIBCOSIM, str(path), json.dumps(expected), str(STEPS)))
+    requests = [(c, list(v.values())) for c, v in outputs.items()]
+    theirs = rows_of(python(LIBCOSIM, str(path), json.dumps(requests), str(STEPS)))
     mine = columns(execute(name, SHORT), outputs)[:STEPS]
     assert theirs.shape == mine.shape
     print("largest difference", np.abs(theirs - mine).max())
@@ -144,13 +144,13 @@ def test_libcosim_agrees(name, kind, tmp_path):
 )
 def test_ecos_agrees(name, kind, reads_sets, tmp_path):
     """With the parameter set and without it: the FMUs start with its values."""
-    path = packed(name, kind, tmp_path)
+    path = write_package(name, kind, tmp_path)
     outputs = real_outputs(path)
-    expected = [(c, v) for c, variables in outputs.items() for v in variables]
+    requests = [(c, v) for c, variables in outputs.items() for v in variables]
     run = execute(name, SHORT)
     step = str(run.manifest["step"])
     script = ECOS if reads_sets else ECOS.replace('parameter_set="parameters"', "")
-    theirs = rows_of(python(script, str(path), json.dumps(expected), str(STEPS), step))
+    theirs = rows_of(python(script, str(path), json.dumps(requests), str(STEPS), step))
     mine = columns(run, outputs)[:STEPS]
     print("largest difference", np.abs(theirs - mine).max())
     assert np.abs(theirs - mine).max() <= 1e-12
@@ -177,8 +177,8 @@ def test_libcosim_agrees_through_a_firing_whose_edges_are_inside_steps(
     file.write_text(FIRING.format(law=law, start=start), encoding="utf-8")
     path = pack_scenario(read_foreign(file), tmp_path / "firing.ssp")
     outputs = real_outputs(path)
-    expected = [(c, list(v.values())) for c, v in outputs.items()]
-    theirs = rows_of(python(LIBCOSIM, str(path), json.dumps(expected), str(STEPS)))
+    requests = [(c, list(v.values())) for c, v in outputs.items()]
+    theirs = rows_of(python(LIBCOSIM, str(path), json.dumps(requests), str(STEPS)))
     run = execute(str(file), Options(algorithm="jacobi", stop=float(STEPS)))
     mine = columns(run, outputs)
     assert theirs.shape == mine.shape
@@ -209,8 +209,8 @@ def test_libcosim_agrees_on_components_that_step_less_often(tmp_path):
     pack(system, path)
     assert read(path, Options()).components["manager"].step_ratio == 6
     outputs = real_outputs(path)
-    expected = [(c, list(v.values())) for c, v in outputs.items()]
-    theirs = rows_of(python(LIBCOSIM, str(path), json.dumps(expected), str(STEPS)))
+    requests = [(c, list(v.values())) for c, v in outputs.items()]
+    theirs = rows_of(python(LIBCOSIM, str(path), json.dumps(requests), str(STEPS)))
     mine = columns(execute(str(path), SHORT), outputs)[:STEPS]
     assert np.abs(theirs - mine).max() <= 1e-12
 
@@ -220,6 +220,6 @@ def test_where_an_fmu_fails_they_do_what_the_page_says(tool):
     """`python tests/others.py` tries all failures."""
     if not importlib.util.find_spec(others.PACKAGES[tool]):
         pytest.skip(f"{others.PACKAGES[tool]} not installable")
-    saved = seen.known()["others"][tool]
-    found = others.all_of(tool, ("SEGFAULT", "EXIT_0", "NOT_FINITE"))
-    assert found == {name: saved[name] for name in found}
+    stored_outcomes = seen.known()["others"][tool]
+    outcomes = others.all_of(tool, ("SEGFAULT", "EXIT_0", "NOT_FINITE"))
+    assert outcomes == {name: stored_outcomes[name] for name in outcomes}

@@ -66,20 +66,20 @@ class Loop:
             getattr(self.fmu, f"set{v.type}")([v.valueReference], [value])
 
     def outputs(self) -> dict[str, float]:
-        found: dict[str, float] = {}
+        values: dict[str, float] = {}
         for kind in ("Real", "Integer", "Boolean"):
             of = [
                 v
                 for v in self.variables.values()
                 if v.causality == "output" and v.type == kind
             ]
-            got = (
+            raw_values = (
                 getattr(self.fmu, f"get{kind}")([v.valueReference for v in of])
                 if of
                 else []
             )
-            found |= {v.name: float(x) for v, x in zip(of, got, strict=True)}
-        return found
+            values |= {v.name: float(x) for v, x in zip(of, raw_values, strict=True)}
+        return values
 
     def advance(self, steps: int = 1) -> dict[str, float]:
         self.fmu.doStep(self.t, steps * self.step)
@@ -92,7 +92,7 @@ class Loop:
 
 def columns(run: Run) -> dict[str, tuple[np.ndarray, bool]]:
     """Every element of a run's series, and whether it is of the interval class."""
-    found = {}
+    elements = {}
     for name in run.results.names():
         values, is_interval = (
             run.results.values(name),
@@ -100,8 +100,8 @@ def columns(run: Run) -> dict[str, tuple[np.ndarray, bool]]:
         )
         flat = values.reshape(len(values), -1)
         for i in range(flat.shape[1]):
-            found[name, i] = flat[:, i].astype(float), is_interval
-    return found
+            elements[name, i] = flat[:, i].astype(float), is_interval
+    return elements
 
 
 def differing(path: Path, run: Run, folder: Path, steps: int) -> tuple[int, list[str]]:
@@ -110,20 +110,24 @@ def differing(path: Path, run: Run, folder: Path, steps: int) -> tuple[int, list
     rows = [loop.outputs()] + [loop.advance() for _ in range(steps)]
     loop.close()
     places: dict[str, int] = {}
-    wrong, compared = [], 0
+    wrong, series_count = [], 0
     for element in rows[0]:
         name = base_name(element)
         if name == "fault":
             continue
         i = places[name] = places.get(name, -1) + 1
         want, is_interval = series[name, i]
-        got = np.array([row[element] for row in rows])
+        fmu_values = np.array([row[element] for row in rows])
         # after step k: states of t_k+1, interval values of [t_k, t_k+1)
-        a, b = (got[1:], want[:steps]) if is_interval else (got, want[: steps + 1])
-        compared += 1
+        a, b = (
+            (fmu_values[1:], want[:steps])
+            if is_interval
+            else (fmu_values, want[: steps + 1])
+        )
+        series_count += 1
         if a.tobytes() != b.tobytes():
             wrong.append(element)
-    return compared, wrong
+    return series_count, wrong
 
 
 def short(name: str, steps: int = STEPS, **options: Any) -> Options:
@@ -148,8 +152,10 @@ def test_every_series_is_that_of_a_run_bit_by_bit(name, tmp_path):
     path = export(name, options, LoopEnds(outputs=["*"]), tmp_path / "loop.fmu")
     run = execute(name, options, None)
     assert run.ok
-    compared, wrong = differing(path, run, tmp_path / "x", len(run.results.times()) - 1)
-    assert compared > 40
+    series_count, wrong = differing(
+        path, run, tmp_path / "x", len(run.results.times()) - 1
+    )
+    assert series_count > 40
     assert wrong == []
 
 
@@ -198,8 +204,8 @@ def test_its_outputs_are_those_that_the_scenario_plots_and_validators_find_nothi
     full, open_, run, folder = built_loop
     assert validate_fmu(str(full)) == []
     assert validate_fmu(str(open_)) == []
-    compared, wrong = differing(full, run, folder / "w", 120)
-    assert compared > 10
+    series_count, wrong = differing(full, run, folder / "w", 120)
+    assert series_count > 10
     assert wrong == []
 
 
@@ -224,8 +230,8 @@ def test_a_loop_without_its_manager_is_a_plant_for_anybodys(built_loop):
         rows.append(loop.advance())
     for name in ("wheels.h_wheel", "spacecraft.q_bi"):
         for i in range(4):
-            got = np.array([row[f"{name}[{i + 1}]"] for row in rows])
-            assert got.tobytes() == series[name, i][0].tobytes()
+            manager_values = np.array([row[f"{name}[{i + 1}]"] for row in rows])
+            assert manager_values.tobytes() == series[name, i][0].tobytes()
     outputs = fmpy.read_model_description(path).outputs
     on = {o.variable.name: {d.name for d in o.dependencies} for o in outputs}
     assert on["spacecraft.q_bi[1]"] == set()
@@ -253,12 +259,13 @@ def test_several_steps_at_once_states_and_parameters(built_loop):
         one.fmu.doStep(one.t, 1.5 * one.step)
     options = short(NADIR, 120, substeps=3)
     options.sets = ["manager.gain=1e-4"]
-    changed = columns(execute(NADIR, options, None))
+    changed_columns = columns(execute(NADIR, options, None))
     loop = Loop(full, folder / "d", **{"manager.gain": 1e-4})
-    got = [loop.outputs()] + [loop.advance() for _ in range(120)]
-    want = changed["wheels.h_wheel", 0][0]
+    loop_rows = [loop.outputs()] + [loop.advance() for _ in range(120)]
+    want = changed_columns["wheels.h_wheel", 0][0]
     assert (
-        np.array([row["wheels.h_wheel[1]"] for row in got]).tobytes() == want.tobytes()
+        np.array([row["wheels.h_wheel[1]"] for row in loop_rows]).tobytes()
+        == want.tobytes()
     )
     assert want.tobytes() != columns(run)["wheels.h_wheel", 0][0].tobytes()
     for x in (one, many, other, loop):
@@ -284,10 +291,10 @@ def test_a_c_host_without_python_runs_it(built_loop, tmp_path):
         folder = Path(fmpy.extract(path, str(tmp_path / path.stem)))
         (library,) = folder.rglob("*.so")
         inputs += [str(library), fmpy.read_model_description(path).guid]
-    done = subprocess.run(
+    host_run = subprocess.run(
         ["/usr/bin/env", "-i", str(host), *inputs], capture_output=True, text=True
     )
-    assert done.stdout == "2 FMUs\n", done.stdout
+    assert host_run.stdout == "2 FMUs\n", host_run.stdout
 
 
 @pytest.mark.skipif(
@@ -300,9 +307,9 @@ def test_libcosim_runs_it_to_the_same_bits(built_loop):
         v.name: v.valueReference
         for v in fmpy.read_model_description(full).modelVariables
     }
-    done = python(LIBCOSIM, str(full), json.dumps([references[n] for n in names]))
-    assert "ROWS " in done.stdout, done.stderr[-1000:]
-    rows = np.array(json.loads(done.stdout.split("ROWS ")[1].splitlines()[0]))
+    script_run = python(LIBCOSIM, str(full), json.dumps([references[n] for n in names]))
+    assert "ROWS " in script_run.stdout, script_run.stderr[-1000:]
+    rows = np.array(json.loads(script_run.stdout.split("ROWS ")[1].splitlines()[0]))
     assert rows.tobytes() == run.results.values("wheels.h_wheel")[1:21].tobytes()
 
 
@@ -350,7 +357,7 @@ print("ROWS " + json.dumps(rows))
 def test_names_that_are_not_of_the_loop_are_refused(
     desat, arguments, message, tmp_path
 ):
-    done = desat(
+    command = desat(
         "export",
         "fmu",
         NADIR,
@@ -360,13 +367,13 @@ def test_names_that_are_not_of_the_loop_are_refused(
         str(tmp_path / "x.fmu"),
         *arguments,
     )
-    assert done.returncode == 2
-    assert message in done.stderr
+    assert command.returncode == 2
+    assert message in command.stderr
 
 
 def test_a_block_that_has_no_c_is_named(desat, tmp_path):
     of_the_epoch = ("--set", "environment.epoch_tle_j2000=727444800")
-    done = desat(
+    command = desat(
         "export",
         "fmu",
         NADIR,
@@ -378,10 +385,10 @@ def test_a_block_that_has_no_c_is_named(desat, tmp_path):
         "--out",
         str(tmp_path / "x.fmu"),
     )
-    assert done.returncode == 2
+    assert command.returncode == 2
     message = "environment: environment_tle is a block of Python without a translation"
-    assert message in done.stderr
-    assert "`--without environment` leaves it out" in done.stderr
+    assert message in command.stderr
+    assert "`--without environment` leaves it out" in command.stderr
 
 
 def test_each_output_says_of_which_time_it_is(desat, tmp_path):
@@ -400,16 +407,16 @@ def test_each_output_says_of_which_time_it_is(desat, tmp_path):
         "guidance.q_ref_bi",
         check=True,
     )
-    stated = {
+    descriptions = {
         v.name: v.description for v in fmpy.read_model_description(file).modelVariables
     }
-    assert stated["spacecraft.q_bi[1]"].endswith("after a step: of its end")
-    assert stated["guidance.q_ref_bi[1]"].endswith(
+    assert descriptions["spacecraft.q_bi[1]"].endswith("after a step: of its end")
+    assert descriptions["guidance.q_ref_bi[1]"].endswith(
         "after a step: of the step that has just ended"
     )
     assert all(
         "after a step: " in text
-        for name, text in stated.items()
+        for name, text in descriptions.items()
         if name.startswith(("spacecraft.", "guidance."))
     )
     page = (ROOT / "docs/loop-fmu.md").read_text()

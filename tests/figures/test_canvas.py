@@ -79,8 +79,8 @@ def test_labels_say_where_ticks_are(seed):
 
 def test_ticks_of_a_logarithmic_axis():
     ticks = canvas.logarithmic(0.5e-3, 2.0, 9)
-    named = [t for t in ticks.labels if t]
-    assert named == ["10⁻³", "10⁻²", "10⁻¹", "10⁰"]
+    label_texts = [t for t in ticks.labels if t]
+    assert label_texts == ["10⁻³", "10⁻²", "10⁻¹", "10⁰"]
     narrow = canvas.logarithmic(1.5, 8.0, 9)
     assert dict(zip(narrow.labels, narrow.values, strict=True))["2×10⁰"] == 2.0
     wide = canvas.logarithmic(1e-15, 1.0, 6)
@@ -99,8 +99,10 @@ def test_a_line_keeps_its_extremes_when_thinned():
     ((part,),) = [s.parts for s in lines(figure)]
     assert len(part) < 3000
     height, (low, high) = ax.height, ax.y_range()
-    drawn = high - (part[:, 1] - ax.top) / height * (high - low)
-    assert (drawn.max(), drawn.min()) == pytest.approx((50.0, -60.0), abs=0.05)
+    line_values = high - (part[:, 1] - ax.top) / height * (high - low)
+    assert (line_values.max(), line_values.min()) == pytest.approx(
+        (50.0, -60.0), abs=0.05
+    )
     assert (np.diff(part[:, 0]) >= 0.0).all()
 
 
@@ -189,7 +191,7 @@ def test_everything_lies_within_the_picture_and_nothing_on_a_label():
             label=f"a line with a long name {i}",
         )
     ax.x.label, ax.y.label = "time [s]", "momentum of each\nwheel [mN m s]"
-    placed = []
+    text_boxes = []
     for words in (s for s in figure.shapes() if isinstance(s, Words)):
         width, height = 0.58 * words.size * len(words.text), words.size
         x, y = words.at
@@ -204,7 +206,7 @@ def test_everything_lies_within_the_picture_and_nothing_on_a_label():
         assert box[1] >= -5, words
         assert box[2] <= INCH * 7.2 + 5, words
         assert box[3] <= INCH * 2.9 + 5, words
-        for other, text in placed:
+        for other, text in text_boxes:
             apart = (
                 box[0] >= other[2]
                 or box[2] <= other[0]
@@ -212,7 +214,7 @@ def test_everything_lies_within_the_picture_and_nothing_on_a_label():
                 or box[3] <= other[1]
             )
             assert apart, (words.text, text)
-        placed.append((box, words.text))
+        text_boxes.append((box, words.text))
 
 
 def test_bars_and_marks_of_a_paper():
@@ -265,10 +267,10 @@ def test_a_plot_without_its_series_is_none():
 
 def test_a_time_that_is_not_reached_has_no_point():
     """It stood at the upper edge, as if that were it."""
-    reached = plots.scatter(
+    scatter_plot = plots.scatter(
         {"law": ([1.0, 2.0], [10.0, 20.0])}, "x", "y", diagonal="equal"
     )
     neighbour = plots.scatter(
         {"law": ([1.0, 2.0, 5.0], [10.0, 20.0, math.inf])}, "x", "y", diagonal="equal"
     )
-    assert neighbour == reached
+    assert neighbour == scatter_plot

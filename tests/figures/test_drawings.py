@@ -27,16 +27,18 @@ SVG = "{http://www.w3.org/2000/svg}"
 COILS = "integrated/mil-nadir"
 
 
-def numbers(packed, columns):
+def numbers(encoding, columns):
     """Decode a packed series."""
-    raw = np.frombuffer(base64.b64decode(packed["data"]), "<i2").astype(float)
-    return packed["scale"] * raw.reshape((-1, columns))
+    raw = np.frombuffer(base64.b64decode(encoding["data"]), "<i2").astype(float)
+    return encoding["scale"] * raw.reshape((-1, columns))
 
 
 def boxes(text):
     """Return the rectangles of components in a diagram: left, top, right, bottom."""
-    found = etree.fromstring(text.encode()).findall(f"{SVG}rect[@class='box']")
-    sides = [[float(b.get(k)) for k in ("x", "y", "width", "height")] for b in found]
+    rectangles = etree.fromstring(text.encode()).findall(f"{SVG}rect[@class='box']")
+    sides = [
+        [float(b.get(k)) for k in ("x", "y", "width", "height")] for b in rectangles
+    ]
     return [(x, y, x + w, y + h) for x, y, w, h in sides]
 
 
@@ -56,15 +58,15 @@ def test_a_diagram_has_each_component_and_each_wired_output(name):
     assert {f"{c.source}.{c.output_array}" for c in system.connections} == set(titles)
     assert len(titles) == len(set(titles))
     assert set(system.components) <= set(words)
-    placed = boxes(text)
-    assert len(placed) == len(system.components)
-    for k, a in enumerate(placed):
-        for b in placed[k + 1 :]:
+    rectangles = boxes(text)
+    assert len(rectangles) == len(system.components)
+    for k, a in enumerate(rectangles):
+        for b in rectangles[k + 1 :]:
             assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1]
     *_, wide, high = map(float, root.get("viewBox").split())
     places = re.findall(r"[MHV](-?[\d.]+)", text)
     assert all(-1.0 <= float(p) <= max(wide, high) for p in places)
-    assert all(b[0] >= 0.0 and b[2] <= wide and b[3] <= high for b in placed)
+    assert all(b[0] >= 0.0 and b[2] <= wide and b[3] <= high for b in rectangles)
 
 
 def test_a_run_has_the_diagram_of_its_system(tmp_path):
@@ -72,9 +74,9 @@ def test_a_run_has_the_diagram_of_its_system(tmp_path):
     system, _ = prepare(COILS, Options(stop=20.0)).or_raise()
     ends = r"<title>(\w+\.\w+)</title>"
     ours = drawings.loop_of_system(system)
-    stored = drawings.loop_of_run(run.manifest, run.results)
-    assert re.findall(ends, stored) == re.findall(ends, ours)
-    assert boxes(stored) == boxes(ours)
+    run_diagram = drawings.loop_of_run(run.manifest, run.results)
+    assert re.findall(ends, run_diagram) == re.findall(ends, ours)
+    assert boxes(run_diagram) == boxes(ours)
 
 
 def test_outputs_have_their_units_and_marks():
@@ -155,11 +157,13 @@ def test_a_sketch_has_each_wheel_and_each_coil(name):
 
 def test_show_draws(desat, tmp_path):
     for option, kind in (("--diagram", "loop"), ("--sketch", "craft")):
-        done = desat("show", COILS, option, cwd=tmp_path, check=True)
-        assert done.stdout.strip() == f"runs/{kind}-integrated-mil-nadir.svg"
-        etree.parse(tmp_path / done.stdout.strip())
-    done = desat("show", COILS, "--diagram", "--out", "a/b.svg", "--json", cwd=tmp_path)
-    assert json.loads(done.stdout) == {"drawing": "a/b.svg"}
+        command = desat("show", COILS, option, cwd=tmp_path, check=True)
+        assert command.stdout.strip() == f"runs/{kind}-integrated-mil-nadir.svg"
+        etree.parse(tmp_path / command.stdout.strip())
+    command = desat(
+        "show", COILS, "--diagram", "--out", "a/b.svg", "--json", cwd=tmp_path
+    )
+    assert json.loads(command.stdout) == {"drawing": "a/b.svg"}
     assert (tmp_path / "a" / "b.svg").exists()
 
 
@@ -172,17 +176,17 @@ def test_show_draws(desat, tmp_path):
     ],
 )
 def test_what_show_does_not_draw(desat, tmp_path, arguments, line):
-    done = desat("show", COILS, *arguments, cwd=tmp_path)
-    assert done.returncode == 2
-    assert line in done.stderr
+    command = desat("show", COILS, *arguments, cwd=tmp_path)
+    assert command.returncode == 2
+    assert line in command.stderr
     assert not [*tmp_path.iterdir()]
 
 
 def test_a_craft_that_is_not_ours_has_no_sketch(desat, tmp_path, monkeypatch):
     monkeypatch.setattr(drawings, "craft_of_system", lambda system: [])
-    done = desat("show", COILS, "--sketch", cwd=tmp_path)
-    assert done.returncode == 2
-    assert "no spacecraft of ours" in done.stderr
+    command = desat("show", COILS, "--sketch", cwd=tmp_path)
+    assert command.returncode == 2
+    assert "no spacecraft of ours" in command.stderr
     assert not [*tmp_path.iterdir()]
 
 
@@ -202,18 +206,20 @@ def page(flight, tmp_path_factory):
 
 
 def test_the_view_has_what_was_flown(flight):
-    seen = view_of_run(flight.manifest, flight.results)
-    stride = round(seen["step"] / flight.manifest.step)
+    flight_view = view_of_run(flight.manifest, flight.results)
+    stride = round(flight_view["step"] / flight.manifest.step)
     for name, source, columns, factor in (
         ("r", "environment.r_eci", 3, 1e-3),
         ("q", "spacecraft.q_bi", 4, 1.0),
         ("b", "environment.b_eci", 3, 1.0),
     ):
-        packed = seen["series"][name]
-        exact = factor * flight.results.values(source)[::stride][: seen["count"]]
-        assert np.abs(numbers(packed, columns) - exact).max() <= 0.51 * packed["scale"]
-    assert seen["count"] <= ROWS
-    assert len(json.dumps(seen)) < 100_000
+        encoding = flight_view["series"][name]
+        exact = factor * flight.results.values(source)[::stride][: flight_view["count"]]
+        assert (
+            np.abs(numbers(encoding, columns) - exact).max() <= 0.51 * encoding["scale"]
+        )
+    assert flight_view["count"] <= ROWS
+    assert len(json.dumps(flight_view)) < 100_000
 
 
 @pytest.mark.parametrize(
@@ -234,11 +240,12 @@ def test_what_a_craft_orbits(browser, page, r, centre):
         series |= {"r": r, "v": np.tile([0.0, 7e3, 0.0], (50, 1))}
     tab = browser.new_page()
     tab.goto(page.as_uri())
-    seen = view(np.arange(50.0), series, {})
-    found = tab.evaluate(
-        "(seen) => { desatScene.show(seen); return desatScene.data.centre; }", seen
+    orbit_view = view(np.arange(50.0), series, {})
+    drawn_centre = tab.evaluate(
+        "(seen) => { desatScene.show(seen); return desatScene.data.centre; }",
+        orbit_view,
     )
-    assert found == centre
+    assert drawn_centre == centre
     assert tab.locator("#scene canvas").first.is_visible() == bool(centre)
     tab.close()
 
@@ -254,8 +261,8 @@ def test_without_a_sun_nothing_is_said_of_light(browser, page):
     }
     for sun, text in ((0.0, ""), (1.0, "in shadow")):
         series["sun"][:, 0] = sun
-        seen = view(np.arange(50.0), series, {})
-        tab.evaluate("(seen) => desatScene.show(seen)", seen)
+        dark_view = view(np.arange(50.0), series, {})
+        tab.evaluate("(seen) => desatScene.show(seen)", dark_view)
         line = tab.locator("#scene output").inner_text()
         assert (text in line) if text else ("in " not in line)
     tab.close()
@@ -278,8 +285,8 @@ def test_the_view_moves_with_plots_and_slider(browser, flight, page):
         "(() => { const s = document.querySelector('#scene input'); s.value = 700;"
         " s.dispatchEvent(new Event('input')); })()"
     )
-    seen = view_of_run(flight.manifest, flight.results)
-    t = 700 * seen["step"]
+    flight_view = view_of_run(flight.manifest, flight.results)
+    t = 700 * flight_view["step"]
     wait_until(tab, "desat.shown.some(u => u.isTime && u.cursor.left > 0)")
     at = tab.evaluate(
         "desat.shown.filter(u => u.isTime)[0].posToVal("
@@ -290,13 +297,13 @@ def test_the_view_moves_with_plots_and_slider(browser, flight, page):
     over.scroll_into_view_if_needed()
     box = over.bounding_box()
     tab.mouse.move(box["x"] + 0.25 * box["width"], box["y"] + 30)
-    wait_until(tab, f"Math.abs(desatScene.row - {seen['count'] / 4}) < 15")
+    wait_until(tab, f"Math.abs(desatScene.row - {flight_view['count'] / 4}) < 15")
     q, v = np.array([0.1, -0.5, 0.3, 0.8]), np.array([1.0, -2.0, 0.5])
     q /= np.linalg.norm(q)
-    turned = tab.evaluate(
+    scene_vector = tab.evaluate(
         "([q, v]) => desatScene.turned(q, v)", [q.tolist(), v.tolist()]
     )
-    assert turned == pytest.approx(rotate_back(q[None], v[None])[0], abs=1e-12)
+    assert scene_vector == pytest.approx(rotate_back(q[None], v[None])[0], abs=1e-12)
     assert not errors
     tab.close()
 
@@ -306,15 +313,15 @@ def test_figures_are_saved(browser, page, tmp_path, width):
     tab = browser.new_page(viewport={"width": width, "height": 900})
     tab.goto(page.as_uri())
     bar = tab.locator("figure.drawn .save").first
-    found = {}
+    downloads = {}
     for kind in ("PNG", "SVG", "CSV"):
         with tab.expect_download() as download:
             bar.get_by_text(kind, exact=True).click()
         download.value.save_as(tmp_path / download.value.suggested_filename)
-        found[kind] = tmp_path / download.value.suggested_filename
-    assert found["PNG"].read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
-    assert etree.parse(found["SVG"]).getroot().tag == f"{SVG}svg"
-    head, *rows = found["CSV"].read_text().splitlines()
+        downloads[kind] = tmp_path / download.value.suggested_filename
+    assert downloads["PNG"].read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    assert etree.parse(downloads["SVG"]).getroot().tag == f"{SVG}svg"
+    head, *rows = downloads["CSV"].read_text().splitlines()
     assert head.startswith("time [s],")
     assert all(len(row.split(",")) == len(head.split(",")) for row in rows)
     assert float(rows[-1].split(",")[0]) == pytest.approx(3000.0, abs=2.0)
@@ -324,5 +331,5 @@ def test_figures_are_saved(browser, page, tmp_path, width):
 
 def test_the_picture_of_the_readme_is_of_today():
     system, _ = prepare(COILS, Options()).or_raise()
-    stored = (ROOT / "docs" / "loop.svg").read_text()
-    assert stored == drawings.loop_of_system(system)
+    readme_picture = (ROOT / "docs" / "loop.svg").read_text()
+    assert readme_picture == drawings.loop_of_system(system)

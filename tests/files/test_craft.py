@@ -73,8 +73,8 @@ def draft_of(folder, text: str = GOOD):
 @pytest.mark.parametrize("name", BY_HAND)
 def test_every_connection_made_by_hand_is_there(name):
     since = (".valid", "magnetometer.m_body")
-    wired = wires(craft.read(ROOT / "ssp" / name, Options()))
-    connections = [w for w in wired if not any(x in w for x in since)]
+    all_wires = wires(craft.read(ROOT / "ssp" / name, Options()))
+    connections = [w for w in all_wires if not any(x in w for x in since)]
     digest = hashlib.sha256("\n".join(sorted(connections)).encode()).hexdigest()
     assert (len(connections), digest[:16]) == BY_HAND[name]
 
@@ -124,20 +124,20 @@ def test_every_usual_source_is_an_output_that_fits():
 
 def test_what_a_craft_says_goes_before_the_usual(tmp_path):
     system = draft_of(tmp_path)
-    found = wires(system)
-    assert "magnetometer_2.b_body[1] -> manager.b_body[1]" in found
-    assert "magnetometer.b_body[1] -> manager.b_body[1]" not in found
-    assert "spacecraft.q_bi[4] -> magnetometer_2.q_bi[4]" in found
-    assert "environment.sun_eci[1] -> spacecraft.sun_eci[1]" in found
-    assert not any("density" in w or "sunlight" in w for w in found)
+    craft_wires = wires(system)
+    assert "magnetometer_2.b_body[1] -> manager.b_body[1]" in craft_wires
+    assert "magnetometer.b_body[1] -> manager.b_body[1]" not in craft_wires
+    assert "spacecraft.q_bi[4] -> magnetometer_2.q_bi[4]" in craft_wires
+    assert "environment.sun_eci[1] -> spacecraft.sun_eci[1]" in craft_wires
+    assert not any("density" in w or "sunlight" in w for w in craft_wires)
     assert system.components["manager"].parameters["split"] == 2
     assert {
         c.parameters["sample_time"]
         for c in system.components.values()
         if "sample_time" in c.interface.signals
     } == {1.0}
-    file, written = packing.write(tmp_path / "mine.toml")
-    assert (file.name, written) == ("mine.ssd", True)
+    file, is_new = packing.write(tmp_path / "mine.toml")
+    assert (file.name, is_new) == ("mine.ssd", True)
     assert packing.write(tmp_path / "mine.toml") == (file, False)
     (tmp_path / "resources").symlink_to(paths.fmus())
     again = ssp.read(file, Options())
@@ -159,8 +159,10 @@ def test_an_fmu_stands_beside_the_craft_file(tmp_path):
 
 
 def test_ideal_sources_stand_in_for_missing_sensors(tmp_path):
-    found = wires(draft_of(tmp_path, GOOD.replace('tachometers = "tachometers"\n', "")))
-    assert "spacecraft.h_copy_wheel[4] -> manager.h_wheel[4]" in found
+    craft_wires = wires(
+        draft_of(tmp_path, GOOD.replace('tachometers = "tachometers"\n', ""))
+    )
+    assert "spacecraft.h_copy_wheel[4] -> manager.h_wheel[4]" in craft_wires
 
 
 BAD = {
@@ -292,13 +294,13 @@ BAD = {
 
 @pytest.mark.parametrize("fault", BAD)
 def test_a_bad_craft_file_is_one_line(fault, tmp_path):
-    old, new, expected = BAD[fault]
+    old, new, message = BAD[fault]
     assert GOOD.count(old) >= 1
     with pytest.raises(DesatError) as error:
         draft_of(tmp_path, GOOD.replace(old, new, 1))
     (line,) = str(error.value).splitlines()
     assert line.startswith(str(tmp_path / "mine.toml"))
-    assert expected in line
+    assert message in line
 
 
 def test_a_craft_file_gives_a_parameter_as_another(tmp_path):

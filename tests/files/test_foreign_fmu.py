@@ -40,7 +40,7 @@ STILL = ("hausat2", "plant", "uosat12")
 """Where its wheels have nothing to do: at rest, or not wired."""
 
 
-def description(dependencies: str = "", **renamed: str) -> str:
+def description(dependencies: str = "", **other_names: str) -> str:
     """Its modelDescription.xml; `renamed`: variables that are called otherwise."""
     rows: list[str] = []
 
@@ -62,11 +62,11 @@ def description(dependencies: str = "", **renamed: str) -> str:
         )
     for name, (count, unit) in INPUTS.items():
         for i in range(count):
-            variable(f"{renamed.get(name, name)}[{i + 1}]", "input", unit, 0.0)
+            variable(f"{other_names.get(name, name)}[{i + 1}]", "input", unit, 0.0)
     first = len(rows) + 1
     for name, (count, unit) in OUTPUTS.items():
         for i in range(count):
-            variable(f"{renamed.get(name, name)}[{i + 1}]", "output", unit)
+            variable(f"{other_names.get(name, name)}[{i + 1}]", "output", unit)
     outputs = "".join(
         f'<Unknown index="{i}"{dependencies}/>' for i in range(first, len(rows) + 1)
     )
@@ -173,14 +173,14 @@ def test_without_dependencies_it_depends_on_all_that_it_is_given(
 ) -> None:
     """As if it declared that; it was taken a step late."""
     every = " ".join(str(i) for i in range(15, 25))
-    declared = fmu(
+    explicit_fmu = fmu(
         tmp_path / "declared.fmu", library, description(f' dependencies="{every}"')
     )
     a, b = (
         desat.run(
             "nadir_day/day-dipole", stop=200.0, sources=[f"manager={x}"], substeps=1
         )
-        for x in (stranger, declared)
+        for x in (stranger, explicit_fmu)
     )
     assert (
         a.results.values("wheels.h_wheel") == b.results.values("wheels.h_wheel")
@@ -308,10 +308,10 @@ OF_MEANING = ("unit", "displayUnit", "declaredType", "quantity", "min", "max")
 
 def strip(data: bytes) -> bytes:
     """Remove units, types, dependencies and our annotations from an FMU of ours."""
-    stripped = io.BytesIO()
+    bare_fmu = io.BytesIO()
     with (
         zipfile.ZipFile(io.BytesIO(data)) as old,
-        zipfile.ZipFile(stripped, "w") as new,
+        zipfile.ZipFile(bare_fmu, "w") as new,
     ):
         for name in old.namelist():
             content = old.read(name)
@@ -327,11 +327,11 @@ def strip(data: bytes) -> bytes:
                         element.attrib.pop(key, None)
                 content = etree.tostring(root)
             new.writestr(name, content)
-    return stripped.getvalue()
+    return bare_fmu.getvalue()
 
 
 @pytest.fixture(scope="module")
-def packed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+def packages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     """The .ssp of each scenario."""
     packages = {}
     for name in (DAY, TABLE):
@@ -345,13 +345,13 @@ def packed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
 
 @pytest.mark.parametrize(("name", "component"), BARE)
 def test_what_a_bare_fmu_cannot_have_is_left_out_in_a_package_and_by_source(
-    packed: dict[str, bytes], tmp_path: Path, name: str, component: str
+    packages: dict[str, bytes], tmp_path: Path, name: str, component: str
 ) -> None:
     """Of numbers, plots, limits and analyses, with a line each; both ways alike."""
     member = f"resources/{component}.fmu"
     other, bare = tmp_path / "other.ssp", tmp_path / f"{component}.fmu"
     with (
-        zipfile.ZipFile(io.BytesIO(packed[name])) as old,
+        zipfile.ZipFile(io.BytesIO(packages[name])) as old,
         zipfile.ZipFile(other, "w") as new,
     ):
         bare.write_bytes(strip(old.read(member)))
@@ -375,12 +375,12 @@ def test_what_a_bare_fmu_cannot_have_is_left_out_in_a_package_and_by_source(
 
 
 def test_a_limit_that_does_not_fit_is_left_out_alone(
-    packed: dict[str, bytes], tmp_path: Path
+    packages: dict[str, bytes], tmp_path: Path
 ) -> None:
     """Its plot and the plot's other limits stay."""
     other = tmp_path / "other.ssp"
     with (
-        zipfile.ZipFile(io.BytesIO(packed[DAY])) as old,
+        zipfile.ZipFile(io.BytesIO(packages[DAY])) as old,
         zipfile.ZipFile(other, "w") as new,
     ):
         for entry in old.namelist():
@@ -391,9 +391,9 @@ def test_a_limit_that_does_not_fit_is_left_out_alone(
                 plot["limits"] = [1.0, "wheels.speed_limit", "torquers.m_limit"]
                 data = json.dumps(about).encode()
             new.writestr(entry, data)
-    checked = prepare(str(other), Options(stop=20.0))
-    system, _ = checked.or_raise()
-    (line,) = (x for x in checked.warnings if "left out" in x)
+    case = prepare(str(other), Options(stop=20.0))
+    system, _ = case.or_raise()
+    (line,) = (x for x in case.warnings if "left out" in x)
     assert "plots.dipole.limits: unit of" in line
     limits = system.about.plots["dipole"].limits
     assert [x.value for x in limits] == [1.0, "torquers.m_limit"]

@@ -19,7 +19,7 @@ from desat.runs.prepare import prepare
 from desat.system.errors import DesatError
 from desat.system.options import Options
 from tests.conftest import ROOT
-from tests.engine.test_failures import FAILURES, compiled, fmu
+from tests.engine.test_failures import FAILURES, compile_failing, fmu
 
 NAMESPACES = " ".join(
     f'xmlns:{prefix}="http://ssp-standard.org/SSP1/SystemStructure{name}"'
@@ -221,7 +221,7 @@ def test_a_dictionary_is_that_of_the_system_around(tmp_path: Path, gain: Path) -
         '<ssd:Connector name="x" kind="inout"><ssc:Real/></ssd:Connector>'
         "</ssd:Connectors></ssd:SignalDictionaryReference>"
     )
-    declared = (
+    dictionaries = (
         '<ssd:SignalDictionaries><ssd:SignalDictionary name="bus" source="d.ssb"/>'
         "</ssd:SignalDictionaries></ssd:System>"
     )
@@ -236,7 +236,7 @@ def test_a_dictionary_is_that_of_the_system_around(tmp_path: Path, gain: Path) -
     def one(name: str, value: float) -> str:
         parts = component("a", inline({"u": value})) + reference.format("here") + within
         result = system(name, parts, wire("a.y", "here.x"))
-        return result[: -len("</ssd:System>")] + declared
+        return result[: -len("</ssd:System>")] + dictionaries
 
     file = ssp(tmp_path, gain, system("s", one("p", 6.0) + one("q", 7.0)))
     assert last(file, "p_deep_b.y") == 6.0
@@ -289,15 +289,15 @@ def test_of_two_sets_the_later_stands_but_one_may_not_waver(
     assert last(file, "a.y") == 5.0
     assert not any("twice" in w for w in prepare(str(file), Options()).warnings)
     rows = '<ssv:Parameter name="{}"><ssv:Real value="{}"/></ssv:Parameter>'
-    for name, refused in (("k", True), ("lost", False)):
+    for name, is_refused in (("k", True), ("lost", False)):
         both = rows.format(name, 3) + rows.format(name, 4)
         twice = inline({"u": 1.0}).replace(
             "<ssv:Parameters>", f"<ssv:Parameters>{both}"
         )
         file = ssp(tmp_path, gain, system("s", component("a", twice)))
         answer = [p for p in prepare(str(file), Options()).problems if "twice" in p]
-        assert bool(answer) == refused
-        assert not refused or answer[0].endswith("k is given twice")
+        assert bool(answer) == is_refused
+        assert not is_refused or answer[0].endswith("k is given twice")
 
 
 def test_units_that_nobody_explains(tmp_path: Path, gain: Path) -> None:
@@ -456,7 +456,7 @@ def test_files_may_be_named_by_uri(tmp_path: Path, gain: Path, form: str) -> Non
         names = f'<ssv:ParameterSet {NAMESPACES} version="1.0"'
         text = values.replace('<ssv:ParameterSet version="1.0"', names)
         (place / "p.ssv").write_text(text)
-    bound = '<ssd:ParameterBindings><ssd:ParameterBinding source="{}"/></ssd:ParameterBindings>'
+    binding = '<ssd:ParameterBindings><ssd:ParameterBinding source="{}"/></ssd:ParameterBindings>'
     for place, options in ((folder / "resources", {}), (tmp_path, {"outside": True})):
         uris = [
             form.format(
@@ -464,7 +464,7 @@ def test_files_may_be_named_by_uri(tmp_path: Path, gain: Path, form: str) -> Non
             )
             for name in ("gain.fmu", "p.ssv")
         ]
-        one = component("a", bound.format(uris[1]), uris[0])
+        one = component("a", binding.format(uris[1]), uris[0])
         file = ssp(folder, gain, system("s", one))
         run = desat.run(str(file), stop=2.0, step=0.5, substeps=1, **options)
         assert run.results.values("a.y")[-1] == 3.0
@@ -545,7 +545,7 @@ def leaving(folder: Path, gain: Path) -> str:
 
 def not_finite(folder: Path, gain: Path) -> str:
     """In the first step, which begins at 5 s."""
-    fmu(folder / "resources/failing.fmu", compiled(folder))
+    fmu(folder / "resources/failing.fmu", compile_failing(folder))
     way = inline({"how": FAILURES.index("NOT_FINITE")}).replace("Real", "Integer")
     return system(
         "s",
@@ -665,12 +665,12 @@ def of_files_in_files(folder: Path, gain: Path) -> Path:
         system("s", inner, "", binding.format("top")),
         EXPERIMENT.format(0, 1),
     )
-    packed = folder / "their.ssp"
-    with zipfile.ZipFile(packed, "w") as archive:
+    archive_file = folder / "their.ssp"
+    with zipfile.ZipFile(archive_file, "w") as archive:
         for path in (file, *folder.glob("*.ss[vm]"), folder / "resources/gain.fmu"):
             archive.write(path, path.relative_to(folder))
     file.unlink()
-    return packed
+    return archive_file
 
 
 def of_no_times(folder: Path, gain: Path) -> Path:
@@ -705,8 +705,8 @@ def test_their_ways_to_write_run_to_the_end(
 
 
 def test_each_outcome_of_public_ones_has_a_stand_in() -> None:
-    known = {message.partition(",")[0] for message in STAND_INS}
-    assert {answer["outcome"] for answer in PUBLIC} - {"runs"} == known - {
+    outcomes = {message.partition(",")[0] for message in STAND_INS}
+    assert {answer["outcome"] for answer in PUBLIC} - {"runs"} == outcomes - {
         "does not fit bar"
     }
 
@@ -737,9 +737,10 @@ def test_public_ones_become_what_is_told_of_them(message: dict[str, str]) -> Non
     }
     if steps := [x for name, x in without.items() if name in message["file"]]:
         options["step"] = steps[0]
-    if message["outcome"] in (ended := {"runs": "completed", "fails": "failed"}):
+    if message["outcome"] in (statuses := {"runs": "completed", "fails": "failed"}):
         assert (
-            desat.run(str(file), **options).manifest.status == ended[message["outcome"]]
+            desat.run(str(file), **options).manifest.status
+            == statuses[message["outcome"]]
         )
     else:
         with pytest.raises(DesatError) as caught:

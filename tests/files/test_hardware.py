@@ -49,7 +49,7 @@ def components_of(folder, text: str, base: str = CRAFT):
 
 
 def test_a_class_gives_what_is_typical(tmp_path):
-    found = components_of(
+    parts = components_of(
         tmp_path,
         """
 [hardware]
@@ -64,11 +64,11 @@ axes_wheel = [[1, 0, 0, 0.6], [0, 1, 0, 0.8], [0, 0, 1, 0]]
 arm = "0.25 m"
 """,
     )
-    wheels = found["wheels"].parameters
+    wheels = parts["wheels"].parameters
     rotor = 0.03 / (6500 * RPM)
     for k in range(1, 5):
         assert wheels[f"inertia_wheel[{k}]"] == pytest.approx(rotor)
-        assert found["spacecraft"].parameters[f"inertia_wheel[{k}]"] == pytest.approx(
+        assert parts["spacecraft"].parameters[f"inertia_wheel[{k}]"] == pytest.approx(
             rotor
         )
     assert wheels["torque_limit"] == pytest.approx(2e-3)
@@ -76,25 +76,25 @@ arm = "0.25 m"
     assert wheels["coulomb"] == pytest.approx(2e-5)
     assert wheels["viscous"] == pytest.approx(8e-5 / (6500 * RPM))
     assert wheels["motor_lag"] == pytest.approx(0.05)
-    assert found["torquers"].parameters == pytest.approx({"m_limit": 0.2, "lag": 0.02})
-    assert found["gyro"].parameters == pytest.approx(
+    assert parts["torquers"].parameters == pytest.approx({"m_limit": 0.2, "lag": 0.02})
+    assert parts["gyro"].parameters == pytest.approx(
         {"angle_random_walk": math.radians(0.002)}
     )
-    assert found["determination"].parameters["markov_sigma"] == pytest.approx(
+    assert parts["determination"].parameters["markov_sigma"] == pytest.approx(
         math.radians(0.01)
     )
-    assert found["thrusters"].parameters["tau_level[2]"] == pytest.approx(
+    assert parts["thrusters"].parameters["tau_level[2]"] == pytest.approx(
         2 * 0.05 * 0.25
     )
     assert (
-        found["wheels"]
+        parts["wheels"]
         .origins["torque_limit"]
         .endswith("mine.toml:14: hardware.wheels")
     )
 
 
 def test_a_product_gives_its_figures_and_no_more_and_a_craft_goes_before(tmp_path):
-    found = components_of(
+    parts = components_of(
         tmp_path,
         """
 [hardware]
@@ -108,15 +108,15 @@ torque_limit = "2 mN.m"
             '"wheels"', '"wheels_motor"'
         ),
     )
-    wheels = found["wheels"].parameters
+    wheels = parts["wheels"].parameters
     rotor = 0.02 / (6500 * RPM)
     assert [wheels[f"inertia_wheel[{k}]"] for k in range(1, 5)] == pytest.approx(
         [rotor] * 3 + [0]
     )
     assert wheels["torque_limit"] == pytest.approx(2e-3)
     assert not {"viscous", "coulomb", "motor_lag", "compensation"} & set(wheels)
-    assert found["torquers"].parameters == {"m_limit": 40.0}
-    thrusters = found["thrusters"].parameters
+    assert parts["torquers"].parameters == {"m_limit": 40.0}
+    thrusters = parts["thrusters"].parameters
     assert thrusters["thrust[1]"] == thrusters["thrust[8]"] == 0.9
     assert thrusters["specific_impulse"] == 227.5
 
@@ -145,9 +145,9 @@ torque_limit = "2 mN.m"
     ],
 )
 def test_hardware_that_is_not_known_is_refused(tmp_path, line, message):
-    with pytest.raises(DesatError, match=message) as refused:
+    with pytest.raises(DesatError, match=message) as refusal:
         components_of(tmp_path, f"[hardware]\n{line}\n")
-    assert "mine.toml:13: hardware." in str(refused.value)
+    assert "mine.toml:13: hardware." in str(refusal.value)
 
 
 def test_every_product_has_its_source_and_figures_that_can_be():
@@ -208,13 +208,13 @@ def test_what_a_figure_makes_of_a_component_does_not_depend_on_the_step(role, ki
     has = frozenset(v.name for v in block.variables)
     present = {"axes_wheel": list(getattr(block, "axes_wheel", ())), "arm": 0.3}
     for name in known_figures(kind)[KINDS[role]]:
-        found = values(
+        figure_values = values(
             role, kind == "class", figures(role, f"{kind}:{name}")[1], has, present
         )
-        assert found.keys() <= has
-        if white := found.keys() & set(getattr(block, "white", ())):
+        assert figure_values.keys() <= has
+        if white := figure_values.keys() & set(getattr(block, "white", ())):
             fresh = block_class(model)()
-            fresh.noise = quantity(name, found["noise"], "rad")
+            fresh.noise = quantity(name, figure_values["noise"], "rad")
             assert white == {"noise"}
             assert any(
                 "depends on the step" in x for x in fresh.foresee(0.0, 1.0, frozenset())
@@ -228,13 +228,13 @@ def test_the_page_is_made_of_what_was_flown():
     make."""
     from benchmarks import hardware
 
-    saved = json.loads(hardware.STORE.read_text(encoding="utf-8"))
+    store = json.loads(hardware.STORE.read_text(encoding="utf-8"))
     assert (hardware.DOCS / "hardware.md").read_text(encoding="utf-8") == hardware.page(
-        saved
+        store
     )
     for variant in hardware.VARIANTS:
         for name in variant.flights:
-            assert f"{name} {variant.title}" in saved, (
+            assert f"{name} {variant.title}" in store, (
                 "fly it: python -m benchmarks.hardware"
             )
 
@@ -268,9 +268,9 @@ def test_what_a_supply_leaves_is_what_a_craft_is_sized_by(
         f"m_limit = 1.0\n{lines}\n",
         encoding="utf-8",
     )
-    found = hardware_of(prepare(str(file), Options(blocks=True)).or_raise()[0])
-    assert found.m_limit == pytest.approx(dipole)
-    assert found.capacity == pytest.approx(share * plain.capacity)
+    hardware = hardware_of(prepare(str(file), Options(blocks=True)).or_raise()[0])
+    assert hardware.m_limit == pytest.approx(dipole)
+    assert hardware.capacity == pytest.approx(share * plain.capacity)
 
 
 def plain_speed(name: str) -> float:

@@ -31,7 +31,7 @@ DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
 
 
 @pytest.fixture(scope="session")
-def typed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def typed_library(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The library of typed.c."""
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None or sys.platform != "linux":
@@ -89,10 +89,10 @@ def fmu(
 
 def component(name: str, ends: str = "", bindings: str = "", fmu: str = "") -> str:
     """A component; ends are its listed connectors."""
-    listed = f"<ssd:Connectors>{ends}</ssd:Connectors>" if ends else ""
+    connectors = f"<ssd:Connectors>{ends}</ssd:Connectors>" if ends else ""
     source = fmu or f"{name}.fmu"
     return (
-        f'<ssd:Component name="{name}" source="resources/{source}">{listed}{bindings}'
+        f'<ssd:Component name="{name}" source="resources/{source}">{connectors}{bindings}'
         "</ssd:Component>"
     )
 
@@ -131,12 +131,12 @@ def write(folder: Path, elements: str, wires: str = "", version: str = "1.0") ->
 
 
 def run(file: Path, **options: object) -> desat.Run:
-    done = desat.run(str(file), stop=2.0, step=0.5, substeps=1, **options)
-    assert done.manifest.status == "completed", done.manifest.message
-    return done
+    result = desat.run(str(file), stop=2.0, step=0.5, substeps=1, **options)
+    assert result.manifest.status == "completed", result.manifest.message
+    return result
 
 
-def checked(file: Path, **options: object):
+def check_file(file: Path, **options: object):
     return prepare(str(file), Options(stop=2.0, step=0.5, **options))
 
 
@@ -148,10 +148,12 @@ def checked(file: Path, **options: object):
     ["a[1].b", "y/z", "a[1].b[2].c", ".", "..", "100%", "y%2Fz", "der(y)", "'y z'"],
 )
 @pytest.mark.parametrize("in_folder", [True, False])
-def test_a_series_has_the_name_of_its_variable(typed, tmp_path, name, in_folder):
+def test_a_series_has_the_name_of_its_variable(
+    typed_library, tmp_path, name, in_folder
+):
     fmu(
         tmp_path / "resources/a.fmu",
-        typed,
+        typed_library,
         [variable("u", 1, start="10"), variable(name, 17, causality="output")],
     )
     file = write(tmp_path, component("a"))
@@ -161,13 +163,17 @@ def test_a_series_has_the_name_of_its_variable(typed, tmp_path, name, in_folder)
     assert results.values(f"a.{name}").tolist() == [10.0] * 5
 
 
-def test_names_that_matlab_does_not_allow_are_changed_and_told(typed, tmp_path):
+def test_names_that_matlab_does_not_allow_are_changed_and_told(typed_library, tmp_path):
     """Nothing is left out of the file."""
     from desat.export.series import export
 
     names = ["y/z", "y_z", "y%z", "1", "units", "long" * 20]
     rows = [variable(name, 17, causality="output") for name in names]
-    fmu(tmp_path / "resources/a.fmu", typed, [variable("u", 1, start="10"), *rows])
+    fmu(
+        tmp_path / "resources/a.fmu",
+        typed_library,
+        [variable("u", 1, start="10"), *rows],
+    )
     file = write(tmp_path, component("interval", fmu="a.fmu"))
     run(file, folder=tmp_path / "out")
     (path,), note = export(tmp_path / "out", "mat")
@@ -179,10 +185,10 @@ def test_names_that_matlab_does_not_allow_are_changed_and_told(typed, tmp_path):
     assert all(struct[field].tolist() == [10.0] * 5 for field in fields)
 
 
-def test_elements_of_an_array_in_an_array_are_series(typed, tmp_path):
+def test_elements_of_an_array_in_an_array_are_series(typed_library, tmp_path):
     outputs = [variable(f"a[1].b[{i}]", 16 + i, causality="output") for i in (1, 2)]
     others = [variable("a[1].c", 19, causality="output")]
-    fmu(tmp_path / "resources/a.fmu", typed, [*outputs, *others])
+    fmu(tmp_path / "resources/a.fmu", typed_library, [*outputs, *others])
     results = run(write(tmp_path, component("a"))).results
     assert results.names() == ["a.a[1].b", "a.a[1].c"]
     assert results.values("a.a[1].b")[-1].tolist() == [10.0, 20.0]
@@ -192,11 +198,11 @@ def test_elements_of_an_array_in_an_array_are_series(typed, tmp_path):
 # --- connectors -----------------------------------------------------------------------
 
 
-def test_a_listed_connector_that_nobody_uses_is_a_warning(typed, tmp_path):
+def test_a_listed_connector_that_nobody_uses_is_a_warning(typed_library, tmp_path):
     """Such as a tool's own settings, and one of another type; all in one line."""
     fmu(
         tmp_path / "resources/a.fmu",
-        typed,
+        typed_library,
         [variable("u", 0), variable("y", 16, causality="output")],
     )
     ends = (
@@ -205,27 +211,33 @@ def test_a_listed_connector_that_nobody_uses_is_a_warning(typed, tmp_path):
         + connector("y", "output")
     )
     file = write(tmp_path, component("a", ends))
-    found = checked(file)
-    assert found.problems == []
-    [line] = [w for w in found.warnings if "fmi_rTol" in w]
+    case = check_file(file)
+    assert case.problems == []
+    [line] = [w for w in case.warnings if "fmi_rTol" in w]
     assert "a.fmi_rTol: the FMU has no such variable" in line
     assert line.endswith("u: listed as Binary, but it is Real; they are not used")
     run(file)
     for use in (values(fmi_rTol="Real 1e-3"), values(u="Real 1")):
-        [line] = checked(write(tmp_path, component("a", ends, use))).problems
+        [line] = check_file(write(tmp_path, component("a", ends, use))).problems
         assert "SystemStructure.ssd:2: a." in line
 
 
-def test_wired_connectors_that_do_not_fit_are_refused_in_one_line(typed, tmp_path):
-    fmu(tmp_path / "resources/a.fmu", typed, [variable("y", 16, causality="output")])
-    fmu(tmp_path / "resources/b.fmu", typed, [variable("u", 0)])
+def test_wired_connectors_that_do_not_fit_are_refused_in_one_line(
+    typed_library, tmp_path
+):
+    fmu(
+        tmp_path / "resources/a.fmu",
+        typed_library,
+        [variable("y", 16, causality="output")],
+    )
+    fmu(tmp_path / "resources/b.fmu", typed_library, [variable("u", 0)])
     ends = connector("u", "input", "Boolean") + connector("v", "input")
     file = write(
         tmp_path,
         component("a", connector("y", "output")) + component("b", ends),
         wire("a.y", "b.u") + wire("a.y", "b.v"),
     )
-    lines = [p for p in checked(file).problems if "listed" in p]
+    lines = [p for p in check_file(file).problems if "listed" in p]
     assert len(lines) == 1
     assert "b.u: listed as Boolean, but it is Real; v: the FMU has no such" in lines[0]
 
@@ -239,15 +251,15 @@ TYPES = (
 
 
 @pytest.mark.parametrize("loop", ["compiled", "python"])
-@pytest.mark.parametrize("listed", ["Integer", "Real"])
+@pytest.mark.parametrize("listed_type", ["Integer", "Real"])
 def test_an_integer_feeds_a_real_and_an_enumeration_an_integer(
-    typed, tmp_path, loop, listed
+    typed_library, tmp_path, loop, listed_type
 ):
     """Also where a connector says Real and the variable is an Integer; factor and
     offset are those of the connection."""
     fmu(
         tmp_path / "resources/a.fmu",
-        typed,
+        typed_library,
         [
             variable("i", 0, "Integer", start="0"),
             variable("law", 1, "Enumeration", declaredType="law", start="0"),
@@ -259,7 +271,7 @@ def test_an_integer_feeds_a_real_and_an_enumeration_an_integer(
     )
     fmu(
         tmp_path / "resources/b.fmu",
-        typed,
+        typed_library,
         [
             variable("u", 0),
             variable("v", 1),
@@ -271,7 +283,7 @@ def test_an_integer_feeds_a_real_and_an_enumeration_an_integer(
             variable("copy_x", 18, causality="output"),
         ],
     )
-    ends = connector("y", "output", listed)
+    ends = connector("y", "output", listed_type)
     ends += "".join(connector(n, "output", "") for n in "zx")
     twice = '<ssc:LinearTransformation factor="2" offset="0.5"/>'
     wires = wire("a.y", "b.u") + wire("a.y", "b.v", twice) + wire("a.z", "b.n")
@@ -297,16 +309,22 @@ def test_an_integer_feeds_a_real_and_an_enumeration_an_integer(
         ("Integer", "Boolean"),
     ],
 )
-def test_what_would_lose_something_is_refused_by_check(typed, tmp_path, source, target):
-    fmu(tmp_path / "resources/a.fmu", typed, [variable("y", 16, source, "output")])
+def test_what_would_lose_something_is_refused_by_check(
+    typed_library, tmp_path, source, target
+):
+    fmu(
+        tmp_path / "resources/a.fmu",
+        typed_library,
+        [variable("y", 16, source, "output")],
+    )
     more = {"start": "text"} if target == "String" else {}
-    fmu(tmp_path / "resources/b.fmu", typed, [variable("u", 0, target, **more)])
+    fmu(tmp_path / "resources/b.fmu", typed_library, [variable("u", 0, target, **more)])
     file = write(tmp_path, component("a") + component("b"), wire("a.y", "b.u"))
-    [line] = checked(file).problems
+    [line] = check_file(file).problems
     assert line.endswith(f"a.y -> b.u: type {source} does not fit {target}")
 
 
-def test_a_text_is_passed_on(typed, tmp_path):
+def test_a_text_is_passed_on(typed_library, tmp_path):
     """From a to b, which counts its letters in a step, to c."""
     text = [
         variable("s", 0, "String", start="-"),
@@ -314,7 +332,7 @@ def test_a_text_is_passed_on(typed, tmp_path):
     ]
     letters = variable("n", 15, "Integer", "output")
     for name in "abc":
-        fmu(tmp_path / f"resources/{name}.fmu", typed, [*text, letters])
+        fmu(tmp_path / f"resources/{name}.fmu", typed_library, [*text, letters])
     file = write(
         tmp_path,
         component("a", "", values(s="String a text")) + component("b") + component("c"),
@@ -330,11 +348,11 @@ def test_a_text_is_passed_on(typed, tmp_path):
 # --- what may be set before initialisation --------------------------------------------
 
 
-def test_outputs_and_locals_may_be_set_where_initial_says_so(typed, tmp_path):
+def test_outputs_and_locals_may_be_set_where_initial_says_so(typed_library, tmp_path):
     """By a parameter set and by --set; the FMU shows them at the start."""
     fmu(
         tmp_path / "resources/a.fmu",
-        typed,
+        typed_library,
         [
             variable("x", 1, causality="output", initial="approx", start="1"),
             variable("hidden", 2, causality="local", initial="exact", start="1"),
@@ -345,8 +363,8 @@ def test_outputs_and_locals_may_be_set_where_initial_says_so(typed, tmp_path):
             variable("n", 15, "Integer", "output"),
         ],
     )
-    bound = values(x="Real 4", hidden="Real 5", text="String seven 7")
-    file = write(tmp_path, component("a", "", bound))
+    binding = values(x="Real 4", hidden="Real 5", text="String seven 7")
+    file = write(tmp_path, component("a", "", binding))
     results = run(file).results
     assert results.values("a.x")[0] == 4.0
     assert results.values("a.show")[0] == 5.0
@@ -373,16 +391,16 @@ def test_outputs_and_locals_may_be_set_where_initial_says_so(typed, tmp_path):
         ("k * 2", "k * 2"),
     ],
 )
-def test_a_text_is_set_as_it_is_typed(typed, tmp_path, value, text):
+def test_a_text_is_set_as_it_is_typed(typed_library, tmp_path, value, text):
     rows = [variable("s", 0, "String", start="-")]
     rows += [variable("t[1]", 2, "String", start="-")]
     rows += [variable("t[2]", 3, "String", start="-")]
     rows += [variable("y", 16, causality="output")]
-    fmu(tmp_path / "resources/a.fmu", typed, rows)
+    fmu(tmp_path / "resources/a.fmu", typed_library, rows)
     file = write(tmp_path, component("a"))
     sets = [f"a.s={value}", "a.t=1,02"]
-    found = checked(file, sets=sets).or_raise()[0].components["a"].parameters
-    assert found == {"s": text, "t[1]": "1", "t[2]": "02"}
+    parameters = check_file(file, sets=sets).or_raise()[0].components["a"].parameters
+    assert parameters == {"s": text, "t[1]": "1", "t[2]": "02"}
 
 
 # --- faults of a description ----------------------------------------------------------
@@ -427,38 +445,38 @@ def test_a_text_is_set_as_it_is_typed(typed, tmp_path, value, text):
     ],
 )
 def test_a_fault_that_other_tools_tolerate_is_a_warning(
-    typed, tmp_path, rows, more, message
+    typed_library, tmp_path, rows, more, message
 ):
     """--strict refuses it."""
     outputs = [variable("y", 16, causality="output")]
-    fmu(tmp_path / "resources/a.fmu", typed, [*rows, *outputs], **more)
+    fmu(tmp_path / "resources/a.fmu", typed_library, [*rows, *outputs], **more)
     file = write(tmp_path, component("a", "", values(p="Real 3")))
-    found = checked(file)
-    assert found.problems == []
-    [line] = [w for w in found.warnings if "not as FMI wants it" in w]
+    case = check_file(file)
+    assert case.problems == []
+    [line] = [w for w in case.warnings if "not as FMI wants it" in w]
     assert message in line
     assert run(file).results.values("a.y")[-1] == 3.0
-    assert any(message in p for p in checked(file, strict=True).problems)
+    assert any(message in p for p in check_file(file, strict=True).problems)
 
 
 # --- arrays in part -------------------------------------------------------------------
 
 
-def test_an_array_of_a_foreign_fmu_may_be_given_in_part(typed, tmp_path):
+def test_an_array_of_a_foreign_fmu_may_be_given_in_part(typed_library, tmp_path):
     """Wired, in a parameter set, by --set: the rest keeps its start values."""
     rows = [variable(f"u[{i}]", i, start=f"{10 * i}") for i in (1, 2, 3)]
     rows += [variable(f"y[{i}]", 16 + i, causality="output") for i in (1, 2, 3)]
     for name in "ab":
-        fmu(tmp_path / f"resources/{name}.fmu", typed, rows)
+        fmu(tmp_path / f"resources/{name}.fmu", typed_library, rows)
     wires = wire("a.y[1]", "b.u[2]")
     file = write(tmp_path, component("a") + component("b"), wires)
-    [line] = [w for w in checked(file).warnings if "in part" in w]
+    [line] = [w for w in check_file(file).warnings if "in part" in w]
     assert "b.u is wired or given in part: u[1], u[3] of 3 keep the start" in line
     assert run(file).results.values("b.y")[-1].tolist() == [10.0, 10.0, 30.0]
     results = run(file, sets={"a.u[1]": 5.0, "b.u[3]": 7.0}).results
     assert results.values("b.y")[-1].tolist() == [10.0, 5.0, 7.0]
-    bound = values(**{"u[2]": "Real 4"})
-    file = write(tmp_path, component("a", "", bound))
+    binding = values(**{"u[2]": "Real 4"})
+    file = write(tmp_path, component("a", "", binding))
     assert run(file).results.values("a.y")[-1].tolist() == [10.0, 4.0, 30.0]
     with pytest.raises(DesatError, match=r"no variable u\[4\]"):
         run(file, sets={"a.u[4]": 1.0})
@@ -467,15 +485,15 @@ def test_an_array_of_a_foreign_fmu_may_be_given_in_part(typed, tmp_path):
 # --- units ----------------------------------------------------------------------------
 
 
-def test_units_of_one_name_and_two_definitions_are_a_warning(typed, tmp_path):
+def test_units_of_one_name_and_two_definitions_are_a_warning(typed_library, tmp_path):
     units = (
         '<UnitDefinitions><Unit name="x"><BaseUnit m="1" factor="{}"/></Unit>'
         "</UnitDefinitions>"
     )
     outputs = [variable("y", 16, causality="output", unit="x")]
     rows = [variable("u", 0, unit="x", start="3"), *outputs]
-    fmu(tmp_path / "resources/a.fmu", typed, rows, units.format(1))
-    fmu(tmp_path / "resources/b.fmu", typed, rows, units.format(1000))
+    fmu(tmp_path / "resources/a.fmu", typed_library, rows, units.format(1))
+    fmu(tmp_path / "resources/b.fmu", typed_library, rows, units.format(1000))
     inputs = values(u="Real 3").replace('value="3"', 'value="3" unit="x"')
     own_value = (
         '</ssv:Parameters><ssv:Units><ssc:Unit name="x"><ssc:BaseUnit m="1" '
@@ -484,7 +502,7 @@ def test_units_of_one_name_and_two_definitions_are_a_warning(typed, tmp_path):
     elements = component("a", "", inputs.replace("</ssv:Parameters>", own_value))
     file = write(tmp_path, elements + component("b"), wire("a.y", "b.u"))
     assert run(file).results.values("b.y")[-1] == 3.0
-    lines = [w for w in checked(file).warnings if "is defined in two ways" in w]
+    lines = [w for w in check_file(file).warnings if "is defined in two ways" in w]
     assert len(lines) == 2
     assert (
         "a.y -> b.u: u: the unit x is defined in two ways: the value is taken"
@@ -496,34 +514,36 @@ def test_units_of_one_name_and_two_definitions_are_a_warning(typed, tmp_path):
 
 
 @pytest.mark.parametrize("form", ["./{}", "{}", ".\\{}"])
-def test_archives_with_dots_and_backslashes_are_read(typed, tmp_path, form):
-    def written(name: str) -> str:
+def test_archives_with_dots_and_backslashes_are_read(typed_library, tmp_path, form):
+    def rewrite_name(name: str) -> str:
         return form.format(name.replace("/", "\\") if "\\" in form else name)
 
     rows = [variable("u", 1), variable("y", 17, causality="output")]
-    plain = fmu(tmp_path / "resources/a.fmu", typed, rows)
+    plain = fmu(tmp_path / "resources/a.fmu", typed_library, rows)
     odd = tmp_path / "odd.fmu"
     with zipfile.ZipFile(plain) as old, zipfile.ZipFile(odd, "w") as new:
         new.writestr(zipfile.ZipInfo("./"), "")
         for entry in old.infolist():
-            new.writestr(zipfile.ZipInfo(written(entry.filename)), old.read(entry))
+            new.writestr(zipfile.ZipInfo(rewrite_name(entry.filename)), old.read(entry))
     file = write(tmp_path, component("a"))
-    packed = tmp_path / "their.ssp"
-    with zipfile.ZipFile(packed, "w") as archive:
+    archive_file = tmp_path / "their.ssp"
+    with zipfile.ZipFile(archive_file, "w") as archive:
         archive.writestr(zipfile.ZipInfo("./"), "")
-        archive.writestr(zipfile.ZipInfo(written("resources/")), "")
-        archive.writestr(zipfile.ZipInfo(written("resources/a.fmu")), odd.read_bytes())
-        archive.writestr(zipfile.ZipInfo(written(file.name)), file.read_bytes())
-    assert run(packed).results.values("a.y")[-1] == 10.0
+        archive.writestr(zipfile.ZipInfo(rewrite_name("resources/")), "")
+        archive.writestr(
+            zipfile.ZipInfo(rewrite_name("resources/a.fmu")), odd.read_bytes()
+        )
+        archive.writestr(zipfile.ZipInfo(rewrite_name(file.name)), file.read_bytes())
+    assert run(archive_file).results.values("a.y")[-1] == 10.0
 
 
 @pytest.mark.parametrize("name", ["../x", "..\\x", "/x", "\\x", "C:\\x", "a/../../x"])
 def test_what_leaves_the_folder_of_an_archive_is_refused(tmp_path, name):
-    packed = tmp_path / "their.ssp"
-    with zipfile.ZipFile(packed, "w") as archive:
+    archive_file = tmp_path / "their.ssp"
+    with zipfile.ZipFile(archive_file, "w") as archive:
         archive.writestr(zipfile.ZipInfo(name), "")
     with pytest.raises(DesatError) as caught:
-        desat.run(str(packed))
+        desat.run(str(archive_file))
     [line] = str(caught.value).splitlines()
     assert line.startswith("their.ssp: entry ")
     assert line.endswith(" would leave the folder")
@@ -539,12 +559,12 @@ def feedthrough(folder: Path, library: Path, name: str) -> None:
     fmu(path, library, rows, dependencies=' dependencies="1"')
 
 
-def test_a_genuine_loop_is_refused_with_the_options_that_help(typed, tmp_path):
+def test_a_genuine_loop_is_refused_with_the_options_that_help(typed_library, tmp_path):
     for name in "ab":
-        feedthrough(tmp_path, typed, name)
+        feedthrough(tmp_path, typed_library, name)
     wires = wire("a.y", "b.u") + wire("b.y", "a.u")
     file = write(tmp_path, component("a") + component("b"), wires)
-    [line] = checked(file).problems
+    [line] = check_file(file).problems
     for text in (
         "cycle over the step: a.y -> b.y -> a",
         "--output-class b.y=state",
@@ -556,37 +576,37 @@ def test_a_genuine_loop_is_refused_with_the_options_that_help(typed, tmp_path):
 
 @pytest.mark.parametrize("isolate", ["none", "foreign"])
 @pytest.mark.parametrize("factor", [0.1, 0.75, -2.0])
-def test_a_genuine_loop_is_solved(typed, tmp_path, factor, isolate):
+def test_a_genuine_loop_is_solved(typed_library, tmp_path, factor, isolate):
     """a = 2 f b + 1, b = 2 a + 1; also where a fixed point iteration would diverge."""
     for name in "abc":
-        feedthrough(tmp_path, typed, name)
+        feedthrough(tmp_path, typed_library, name)
     back = f'<ssc:LinearTransformation factor="{factor}"/>'
     wires = wire("a.y", "b.u") + wire("b.y", "a.u", back) + wire("b.y", "c.u")
     elements = component("a") + component("b") + component("c")
     file = write(tmp_path, elements, wires)
     a = (1.0 + 2.0 * factor) / (1.0 - 4.0 * factor)
-    done = run(file, solve_loops=True, isolate=isolate)
-    values = {n: done.results.values(f"{n}.y").tolist() for n in "abc"}
+    loop_run = run(file, solve_loops=True, isolate=isolate)
+    values = {n: loop_run.results.values(f"{n}.y").tolist() for n in "abc"}
     assert values["a"] == pytest.approx([a] * 5, rel=1e-9)
     assert values["b"] == pytest.approx([2.0 * a + 1.0] * 5, rel=1e-9)
     assert values["c"] == pytest.approx([4.0 * a + 3.0] * 4, rel=1e-9)
-    assert any("algebraic loop of a, b" in w for w in done.manifest.warnings)
+    assert any("algebraic loop of a, b" in w for w in loop_run.manifest.warnings)
 
 
-def test_a_genuine_loop_runs_with_jacobi(typed, tmp_path):
+def test_a_genuine_loop_runs_with_jacobi(typed_library, tmp_path):
     """A step late from the solution on, which it keeps: it is a fixed point."""
     for name in "ab":
-        feedthrough(tmp_path, typed, name)
+        feedthrough(tmp_path, typed_library, name)
     back = '<ssc:LinearTransformation factor="0.1"/>'
     wires = wire("a.y", "b.u") + wire("b.y", "a.u", back)
     file = write(tmp_path, component("a") + component("b"), wires)
-    done = run(file, algorithm="jacobi")
-    assert done.results.values("a.y")[-1] == pytest.approx(2.0, rel=1e-9)
+    jacobi_run = run(file, algorithm="jacobi")
+    assert jacobi_run.results.values("a.y")[-1] == pytest.approx(2.0, rel=1e-9)
 
 
-def test_a_loop_without_a_solution_is_a_line(typed, tmp_path):
+def test_a_loop_without_a_solution_is_a_line(typed_library, tmp_path):
     for name in "ab":
-        feedthrough(tmp_path, typed, name)
+        feedthrough(tmp_path, typed_library, name)
     back = '<ssc:LinearTransformation factor="0.25"/>'
     wires = wire("a.y", "b.u") + wire("b.y", "a.u", back)
     file = write(tmp_path, component("a") + component("b"), wires)
@@ -594,12 +614,12 @@ def test_a_loop_without_a_solution_is_a_line(typed, tmp_path):
         desat.run(str(file), stop=2.0, step=0.5, substeps=1, solve_loops=True)
 
 
-def test_solving_where_there_is_no_loop_is_a_warning(typed, tmp_path):
-    feedthrough(tmp_path, typed, "a")
+def test_solving_where_there_is_no_loop_is_a_warning(typed_library, tmp_path):
+    feedthrough(tmp_path, typed_library, "a")
     file = write(tmp_path, component("a"))
     assert (
         "--solve-loops: there is no algebraic loop"
-        in checked(file, solve_loops=True).warnings
+        in check_file(file, solve_loops=True).warnings
     )
 
 
@@ -634,31 +654,37 @@ def ring(
         {"output_classes": {"a.y": "state", "b.y": "state"}},
     ],
 )
-@pytest.mark.parametrize("declared", [(SILENT, SILENT), (ALL, SILENT), (SILENT, ALL)])
-def test_an_undeclared_loop_is_solved_at_the_start(typed, tmp_path, declared, options):
+@pytest.mark.parametrize(
+    "dependencies", [(SILENT, SILENT), (ALL, SILENT), (SILENT, ALL)]
+)
+def test_an_undeclared_loop_is_solved_at_the_start(
+    typed_library, tmp_path, dependencies, options
+):
     """It did not settle. Steps keep the solution, as it is a fixed point."""
-    done = run(ring(tmp_path, typed, declared), **options)
+    loop_run = run(ring(tmp_path, typed_library, dependencies), **options)
     for name, value in (("a", 8.0 / 3.0), ("b", 10.0 / 3.0)):
-        found = done.results.values(f"{name}.y").tolist()
-        assert found == pytest.approx([value] * len(found), rel=1e-9)
-    text = "\n".join(done.manifest.warnings)
+        samples = loop_run.results.values(f"{name}.y").tolist()
+        assert samples == pytest.approx([value] * len(samples), rel=1e-9)
+    text = "\n".join(loop_run.manifest.warnings)
     assert "there is no algebraic loop" not in text
     if options.get("solve_loops"):
         assert "algebraic loop of a, b" in text
         assert "declares no dependencies" not in text
 
 
-def test_a_declared_loop_that_is_taken_late_is_solved_at_the_start(typed, tmp_path):
-    file = ring(tmp_path, typed, (ALL, ALL))
-    done = run(file, output_classes={"b.y": "state"})
-    assert done.results.values("a.y")[0] == pytest.approx(8.0 / 3.0, rel=1e-9)
+def test_a_declared_loop_that_is_taken_late_is_solved_at_the_start(
+    typed_library, tmp_path
+):
+    file = ring(tmp_path, typed_library, (ALL, ALL))
+    loop_run = run(file, output_classes={"b.y": "state"})
+    assert loop_run.results.values("a.y")[0] == pytest.approx(8.0 / 3.0, rel=1e-9)
 
 
-def test_undeclared_loops_of_one_and_of_three_are_solved(typed, tmp_path):
+def test_undeclared_loops_of_one_and_of_three_are_solved(typed_library, tmp_path):
     """y = 0.5 y + 1; and a, b, c, of which each takes a quarter of the one before."""
     rows = [variable("u", 0), variable("y", 24, causality="output")]
     for name in "abc":
-        fmu(tmp_path / f"resources/{name}.fmu", typed, rows, dependencies="")
+        fmu(tmp_path / f"resources/{name}.fmu", typed_library, rows, dependencies="")
     alone = write(tmp_path, component("a"), wire("a.y", "a.u", TO_A))
     for options in ({}, {"solve_loops": True}):
         assert run(alone, **options).results.values("a.y")[-1] == pytest.approx(2.0)
@@ -674,72 +700,89 @@ def test_undeclared_loops_of_one_and_of_three_are_solved(typed, tmp_path):
 
 @pytest.mark.parametrize("isolate", ["none", "foreign"])
 @pytest.mark.parametrize(
-    ("outputs", "named"), [((12, 12), "a.y, b.y"), ((24, 12), "b.y")]
+    ("outputs", "output_names"), [((12, 12), "a.y, b.y"), ((24, 12), "b.y")]
 )
 def test_what_does_not_answer_between_steps_is_named(
-    typed, tmp_path, isolate, outputs, named
+    typed_library, tmp_path, isolate, outputs, output_names
 ):
     """Its loop was called solved: 2.66504 in place of 8/3."""
-    file = ring(tmp_path, typed, (ALL, ALL), outputs)
+    file = ring(tmp_path, typed_library, (ALL, ALL), outputs)
     with pytest.raises(DesatError) as error:
         desat.run(
             str(file), stop=2.0, step=0.5, substeps=1, solve_loops=True, isolate=isolate
         ).or_raise("it")
-    assert f"does not answer to them between two steps: {named}; " in str(error.value)
-    assert f"--output-class {named[:3]}=state" in str(error.value)
+    assert f"does not answer to them between two steps: {output_names}; " in str(
+        error.value
+    )
+    assert f"--output-class {output_names[:3]}=state" in str(error.value)
     late = {f"{name}.y": "state" for name in "ab"}
     run(file, solve_loops=True, isolate=isolate, output_classes=late)
 
 
-@pytest.mark.parametrize("declared", [SILENT, NONE])
-def test_what_declares_nothing_may_be_a_state_and_is_told(typed, tmp_path, declared):
+@pytest.mark.parametrize("dependencies", [SILENT, NONE])
+def test_what_declares_nothing_may_be_a_state_and_is_told(
+    typed_library, tmp_path, dependencies
+):
     """It is named once; one that declares that it is a state is not."""
-    done = run(ring(tmp_path, typed, (declared, declared), (12, 12)), solve_loops=True)
-    text = "\n".join(done.manifest.warnings)
-    lines = [x for x in done.manifest.warnings if "does not answer to u" in x]
-    assert len(lines) == (2 if declared == SILENT else 0)
-    assert ("there is no algebraic loop" in text) == (declared == NONE)
+    loop_run = run(
+        ring(tmp_path, typed_library, (dependencies, dependencies), (12, 12)),
+        solve_loops=True,
+    )
+    text = "\n".join(loop_run.manifest.warnings)
+    lines = [x for x in loop_run.manifest.warnings if "does not answer to u" in x]
+    assert len(lines) == (2 if dependencies == SILENT else 0)
+    assert ("there is no algebraic loop" in text) == (dependencies == NONE)
 
 
 # --- words ----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("isolate", ["none", "foreign"])
-def test_one_text_is_one_line_with_its_count(typed, tmp_path, isolate):
+def test_one_text_is_one_line_with_its_count(typed_library, tmp_path, isolate):
     """That an FMU logs at each of four steps."""
     rows = [variable("loud", 14, "Boolean", "parameter", start="false")]
     rows += [variable("y", 16, causality="output")]
-    fmu(tmp_path / "resources/a.fmu", typed, rows)
+    fmu(tmp_path / "resources/a.fmu", typed_library, rows)
     file = write(tmp_path, component("a", "", values(loud="Boolean true")))
-    done = run(file, isolate=isolate)
-    assert [w for w in done.manifest.warnings if "again" in w] == [
+    log_run = run(file, isolate=isolate)
+    assert [w for w in log_run.manifest.warnings if "again" in w] == [
         "a: not again (4 times)"
     ]
 
 
-def test_a_fault_of_many_components_is_one_line(typed, tmp_path):
+def test_a_fault_of_many_components_is_one_line(typed_library, tmp_path):
     rows = [variable("p", 0, variability="fixed")]
     rows += [variable("y", 16, causality="output")]
-    fmu(tmp_path / "resources/a.fmu", typed, rows)
+    fmu(tmp_path / "resources/a.fmu", typed_library, rows)
     elements = "".join(component(f"c{i}", fmu="a.fmu") for i in range(12))
-    lines = [w for w in checked(write(tmp_path, elements)).warnings if "FMI wants" in w]
+    lines = [
+        w for w in check_file(write(tmp_path, elements)).warnings if "FMI wants" in w
+    ]
     assert len(lines) == 1
     assert lines[0].startswith("c0, c1 and 10 more: a.fmu: not as FMI wants it")
 
 
-def test_a_step_that_is_given_is_not_missed(typed, tmp_path):
-    fmu(tmp_path / "resources/a.fmu", typed, [variable("y", 16, causality="output")])
+def test_a_step_that_is_given_is_not_missed(typed_library, tmp_path):
+    fmu(
+        tmp_path / "resources/a.fmu",
+        typed_library,
+        [variable("y", 16, causality="output")],
+    )
     file = write(tmp_path, component("a"))
-    guessed = prepare(str(file), Options()).warnings
-    assert sum("no step: 0.5 s" in w or "no stop time" in w for w in guessed) == 2
-    assert not [w for w in checked(file).warnings if "no st" in w]
+    default_warnings = prepare(str(file), Options()).warnings
+    assert (
+        sum("no step: 0.5 s" in w or "no stop time" in w for w in default_warnings) == 2
+    )
+    assert not [w for w in check_file(file).warnings if "no st" in w]
     half = prepare(str(file), Options(step=0.25)).warnings
     assert ["no step" in w for w in half if "no st" in w] == [False]
 
 
-def test_a_fixed_step_that_does_not_fit_is_told(typed, tmp_path):
+def test_a_fixed_step_that_does_not_fit_is_told(typed_library, tmp_path):
     path = fmu(
-        tmp_path / "resources/a.fmu", typed, [variable("y", 16, causality="output")]
+        tmp_path / "resources/a.fmu",
+        typed_library,
+        [variable("y", 16, causality="output")],
     )
     text = 'canHandleVariableCommunicationStepSize="true"'
     odd = tmp_path / "odd.fmu"
@@ -751,17 +794,19 @@ def test_a_fixed_step_that_does_not_fit_is_told(typed, tmp_path):
     fit = prepare(str(file), Options(stop=2.0, step=1.0)).warnings
     assert not any("fixed step" in w for w in fit)
     for step in (0.2, 0.75):
-        found = prepare(str(file), Options(stop=3.0, step=step)).warnings
+        step_warnings = prepare(str(file), Options(stop=3.0, step=step)).warnings
         assert any(
             f"has a fixed step of 0.5 s, which does not fit into its step of {step:g} s"
             in w
-            for w in found
+            for w in step_warnings
         )
 
 
 def test_a_missing_fmu_is_not_answered_with_our_blocks(tmp_path):
     (tmp_path / "resources").mkdir()
-    [line] = checked(write(tmp_path, component("a", fmu="manager_b_dott.fmu"))).problems
+    [line] = check_file(
+        write(tmp_path, component("a", fmu="manager_b_dott.fmu"))
+    ).problems
     assert line.endswith("a: FMU resources/manager_b_dott.fmu is missing")
 
 
@@ -780,29 +825,33 @@ def test_a_missing_fmu_is_not_answered_with_our_blocks(tmp_path):
         ),
     ],
 )
-def test_what_is_no_fmu_or_a_draft_is_named(typed, tmp_path, old, new, message):
-    fmu(tmp_path / "resources/a.fmu", typed, [variable("y", 16, causality="output")])
+def test_what_is_no_fmu_or_a_draft_is_named(typed_library, tmp_path, old, new, message):
+    fmu(
+        tmp_path / "resources/a.fmu",
+        typed_library,
+        [variable("y", 16, causality="output")],
+    )
     file = write(tmp_path, component("a"))
     file.write_text(file.read_text().replace(old, new))
     with pytest.raises(DesatError, match=message):
-        checked(file)
+        check_file(file)
 
 
-def test_a_library_that_cannot_be_loaded_is_found_by_check(typed, tmp_path):
+def test_a_library_that_cannot_be_loaded_is_found_by_check(typed_library, tmp_path):
     """Of another machine, no library, without a function, without a library that it
     needs; nothing of it is loaded."""
     rows = [variable("y", 16, causality="output")]
-    data = typed.read_bytes()
+    data = typed_library.read_bytes()
     other = bytearray(data)
     other[18:20] = b"\xb7\x00"
     source = tmp_path / "needs.c"
     source.write_text("extern int gone(void); int fmi2DoStep(void) { return gone(); }")
     stub = tmp_path / "stub.c"
     stub.write_text("int gone(void) { return 0; }")
-    gone, needs = tmp_path / "libgone.so", tmp_path / "needs.so"
-    for result, *sources in ((gone, stub), (needs, source, gone)):
+    missing_library, needs = tmp_path / "libgone.so", tmp_path / "needs.so"
+    for result, *sources in ((missing_library, stub), (needs, source, missing_library)):
         subprocess.run(["gcc", "-shared", "-fPIC", "-o", result, *sources], check=True)
-    gone.unlink()
+    missing_library.unlink()
     for content, message in (
         (bytes(other), "it is for AArch64, not x86_64"),
         (b"MZ and so on", "it is no library of Linux"),
@@ -812,14 +861,14 @@ def test_a_library_that_cannot_be_loaded_is_found_by_check(typed, tmp_path):
         library = tmp_path / "typed.so"
         library.write_bytes(content)
         fmu(tmp_path / "resources/a.fmu", library, rows)
-        [line] = checked(write(tmp_path, component("a"))).problems
+        [line] = check_file(write(tmp_path, component("a"))).problems
         assert f"a.fmu: its library cannot be loaded: {message}" in line
     from desat.files import binary
 
     fault = binary.loading_fault(needs, ("fmi2DoStep",))
     assert fault.startswith("it needs ")
     assert fault.endswith("libgone.so, which is not here")
-    assert binary.loading_fault(typed, ("fmi2DoStep",)) == ""
+    assert binary.loading_fault(typed_library, ("fmi2DoStep",)) == ""
 
 
 @pytest.mark.parametrize(
@@ -832,7 +881,7 @@ def test_a_library_that_cannot_be_loaded_is_found_by_check(typed, tmp_path):
     ],
 )
 def test_a_library_that_needs_a_newer_version_is_found_by_check(
-    typed, tmp_path, desat, name, version, here
+    typed_library, tmp_path, desat, name, version, here
 ):
     """Of a file and of a system; what is here provides the version named last."""
     script, stub, user = (tmp_path / n for n in ("map", "stub.c", "user.c"))
@@ -854,7 +903,7 @@ def test_a_library_that_needs_a_newer_version_is_found_by_check(
     message = (
         f"its library cannot be loaded: it needs {version} of {name}; here is {here}"
     )
-    [line] = checked(write(tmp_path, component("a"))).problems
+    [line] = check_file(write(tmp_path, component("a"))).problems
     assert f"a: a.fmu: {message}" in line
     assert f"warning: a.fmu: {message}" in desat("check", str(path)).stderr
     from desat.files import binary
@@ -889,7 +938,7 @@ SIZED = """<?xml version="1.0" encoding="UTF-8"?>
 
 
 @pytest.fixture(scope="session")
-def sized(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def sized_library(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An FMU of sized3.c."""
     import re
 
@@ -914,10 +963,10 @@ def sized(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("isolate", ["none", "foreign"])
-def test_arrays_follow_from_a_structural_parameter(sized, tmp_path, isolate):
+def test_arrays_follow_from_a_structural_parameter(sized_library, tmp_path, isolate):
     """By a parameter set and by --set, in configuration mode; also larger than before."""
     (tmp_path / "resources").mkdir()
-    shutil.copy(sized, tmp_path / "resources")
+    shutil.copy(sized_library, tmp_path / "resources")
     file = write(tmp_path, component("a"))
     assert run(file, isolate=isolate).results.values("a.y")[-1].tolist() == [2, 4, 6]
     larger = {"a.n": 5, "a.u": [5.0, 4.0, 3.0, 2.0, 1.0]}
@@ -960,23 +1009,23 @@ def test_an_array_is_wired_by_one_connection(tmp_path):
     assert [c.input for c in system_.connections] == [f"b_body[{i}]" for i in (1, 2, 3)]
 
 
-@pytest.mark.parametrize("named", [".", "SystemStructure.ssd"])
+@pytest.mark.parametrize("target_name", [".", "SystemStructure.ssd"])
 def test_a_system_of_somebody_is_packed_and_gives_the_same(
-    typed, tmp_path, desat, named
+    typed_library, tmp_path, desat, target_name
 ):
     """A packed one is refused."""
     folder = tmp_path / "sys"
     rows = [variable("u", 1, start="3"), variable("y", 17, causality="output")]
-    fmu(folder / "resources/a.fmu", typed, rows)
+    fmu(folder / "resources/a.fmu", typed_library, rows)
     file = write(folder, component("a", "", values(u="Real 4")))
-    done = desat("pack", str((folder / named).resolve()), check=True)
-    packed = Path(done.stdout.split(": ")[1].strip())
-    assert packed.stem == (folder / named).resolve().stem
-    assert run(packed).results.values("a.y").tolist() == [4.0] * 5
+    command = desat("pack", str((folder / target_name).resolve()), check=True)
+    package = Path(command.stdout.split(": ")[1].strip())
+    assert package.stem == (folder / target_name).resolve().stem
+    assert run(package).results.values("a.y").tolist() == [4.0] * 5
     assert run(file).results.values("a.y").tolist() == [4.0] * 5
-    again = desat("pack", str(packed))
+    again = desat("pack", str(package))
     assert again.returncode == 2
-    assert f"{packed}: it is packed already" in again.stderr
+    assert f"{package}: it is packed already" in again.stderr
 
 
 @pytest.mark.parametrize(
@@ -989,23 +1038,23 @@ def test_a_system_of_somebody_is_packed_and_gives_the_same(
         ("2", "a.y -> b.u: 3 does not fit 2"),
     ],
 )
-def test_a_wrong_dimension_is_a_line(typed, tmp_path, size, message):
+def test_a_wrong_dimension_is_a_line(typed_library, tmp_path, size, message):
     rows = [variable(f"u[{i}]", i) for i in (1, 2, 3)]
     rows += [variable(f"y[{i}]", 16 + i, causality="output") for i in (1, 2, 3)]
     for name in "ab":
-        fmu(tmp_path / f"resources/{name}.fmu", typed, rows)
+        fmu(tmp_path / f"resources/{name}.fmu", typed_library, rows)
     elements = component("a", array("y", "output"))
     elements += component("b", array("u", "input", size))
-    found = checked(write(tmp_path, elements, wire("a.y", "b.u"), version="2.0"))
-    assert any(message in line for line in found.problems)
+    case = check_file(write(tmp_path, elements, wire("a.y", "b.u"), version="2.0"))
+    assert any(message in line for line in case.problems)
 
 
-def test_a_matrix_is_wired_by_one_connection(typed, tmp_path):
+def test_a_matrix_is_wired_by_one_connection(typed_library, tmp_path):
     names = ("[1,1]", "[1,2]", "[2,1]", "[2,2]")
     rows = [variable(f"u{n}", 1 + i) for i, n in enumerate(names)]
     rows += [variable(f"y{n}", 17 + i, causality="output") for i, n in enumerate(names)]
     for name in "ab":
-        fmu(tmp_path / f"resources/{name}.fmu", typed, rows)
+        fmu(tmp_path / f"resources/{name}.fmu", typed_library, rows)
     two = '<ssc:Dimension size="2"/><ssc:Dimension size="2"/>'
     elements = component("a", connector("y", "output", "Float64", two))
     elements += component("b", connector("u", "input", "Float64", two))
@@ -1016,12 +1065,12 @@ def test_a_matrix_is_wired_by_one_connection(typed, tmp_path):
 # --- roles ----------------------------------------------------------------------------
 
 
-def test_check_says_which_roles_an_fmu_fits(typed, tmp_path, desat):
+def test_check_says_which_roles_an_fmu_fits(typed_library, tmp_path, desat):
     """Ours fits its own; a stranger's what its variables' names, sizes, units say."""
     from desat.files import paths
 
-    done = desat("check", str(paths.fmus() / "native/manager_b_dot.fmu"))
-    assert "manager: fits; gives tau_cmd_wheel, m_cmd_body" in done.stdout
+    command = desat("check", str(paths.fmus() / "native/manager_b_dot.fmu"))
+    assert "manager: fits; gives tau_cmd_wheel, m_cmd_body" in command.stdout
     dipole = [
         variable(f"m_cmd_body[{i}]", 16 + i, causality="output", unit="A.m2")
         for i in (1, 2, 3)
@@ -1031,15 +1080,19 @@ def test_check_says_which_roles_an_fmu_fits(typed, tmp_path, desat):
         '<UnitDefinitions><Unit name="A.m2"/><Unit name="T"/><Unit name="m"/>'
         "</UnitDefinitions>"
     )
-    path = fmu(tmp_path / "a.fmu", typed, [*dipole, *field, variable("own", 5)], units)
-    done = desat("check", str(path))
-    [line] = [x for x in done.stdout.splitlines() if x.strip().startswith("manager:")]
+    path = fmu(
+        tmp_path / "a.fmu", typed_library, [*dipole, *field, variable("own", 5)], units
+    )
+    command = desat("check", str(path))
+    [line] = [
+        x for x in command.stdout.splitlines() if x.strip().startswith("manager:")
+    ]
     assert "manager: fits in part; gives m_cmd_body; lacks tau_cmd_wheel" in line
     assert line.endswith("has inputs of its own own")
     wrong = [row.replace('unit="A.m2"', 'unit="m"') for row in dipole]
-    done = desat("check", str(fmu(tmp_path / "b.fmu", typed, wrong, units)))
-    assert "manager: does not fit" in done.stdout
-    assert "m_cmd_body (unit m, A.m2 is needed)" in " ".join(done.stdout.split())
+    command = desat("check", str(fmu(tmp_path / "b.fmu", typed_library, wrong, units)))
+    assert "manager: does not fit" in command.stdout
+    assert "m_cmd_body (unit m, A.m2 is needed)" in " ".join(command.stdout.split())
     [role] = json.loads(desat("check", str(path), "--json").stdout)["roles"]
     assert role["outputs"] == ["m_cmd_body"]
 
@@ -1047,17 +1100,17 @@ def test_check_says_which_roles_an_fmu_fits(typed, tmp_path, desat):
 # --- bad input ------------------------------------------------------------------------
 
 
-def test_a_set_that_names_another_component_is_refused(typed, tmp_path):
+def test_a_set_that_names_another_component_is_refused(typed_library, tmp_path):
     for name in "ab":
-        fmu(tmp_path / f"resources/{name}.fmu", typed, [variable("u", 0)])
-    bound = values(**{"b.u": "Real 3"})
-    file = write(tmp_path, component("a", "", bound) + component("b"))
-    [line] = checked(file).problems
+        fmu(tmp_path / f"resources/{name}.fmu", typed_library, [variable("u", 0)])
+    binding = values(**{"b.u": "Real 3"})
+    file = write(tmp_path, component("a", "", binding) + component("b"))
+    [line] = check_file(file).problems
     assert line.endswith("a.b.u: it names b, but the set is that of a")
     assert "SystemStructure.ssd:2: " in line
 
 
-def test_public_reports_are_read_or_refused_in_a_line(typed, tmp_path):
+def test_public_reports_are_read_or_refused_in_a_line(typed_library, tmp_path):
     """FMPy 108 and 189, fmi-cross-check 74, OpenModelica 11265, OMSimulator 495, 1017,
     1094, 1222 and 1318, FMPy 107: rebuilt by the smallest file."""
     output = variable("y", 16, causality="output")
@@ -1078,16 +1131,16 @@ def test_public_reports_are_read_or_refused_in_a_line(typed, tmp_path):
         "a table's file": [table],
     }
     for rows in read.values():
-        fmu(tmp_path / "resources/a.fmu", typed, [*rows, output])
+        fmu(tmp_path / "resources/a.fmu", typed_library, [*rows, output])
         assert run(write(tmp_path, component("a"))).results.values("a.y")[-1] == 0.0
     fmu(
         tmp_path / "resources/a.fmu",
-        typed,
+        typed_library,
         [variable("speed", 0), variable("on", 17, "Boolean", "output")],
     )
     fmu(
         tmp_path / "resources/b.fmu",
-        typed,
+        typed_library,
         [variable("on", 1, "Boolean", start="true"), output],
     )
     both = component("a") + component("b")
@@ -1097,7 +1150,11 @@ def test_public_reports_are_read_or_refused_in_a_line(typed, tmp_path):
     assert run(file).manifest.status == "completed"
     empty = '<ssd:Connection startElement="y" startConnector="" endElement="b" '
     file = write(tmp_path, both, empty + 'endConnector="on"/>')
-    assert checked(file).problems[0].endswith("no component y; there is a, b")
-    fmu(tmp_path / "resources/a.fmu", typed, [variable("n", 3, causality="none")])
-    [line] = checked(write(tmp_path, component("a"))).problems
+    assert check_file(file).problems[0].endswith("no component y; there is a, b")
+    fmu(
+        tmp_path / "resources/a.fmu",
+        typed_library,
+        [variable("n", 3, causality="none")],
+    )
+    [line] = check_file(write(tmp_path, component("a"))).problems
     assert "n: causality none: there are parameter" in line

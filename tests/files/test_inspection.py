@@ -98,25 +98,25 @@ def of_version(folder: Path, version: str, old: str = "", new: str = "") -> Path
 @pytest.mark.parametrize("version", DESCRIPTIONS)
 def test_interface_platforms_and_hash_are_printed(desat, tmp_path, version):
     path = of_version(tmp_path, version)
-    done = desat("check", str(path))
-    assert done.returncode == 0, done.stderr
-    assert done.stderr.count("warning: ") == 1
-    assert "its library cannot be loaded: it is no library of Linux" in done.stderr
-    assert f"FMI {version} for co-simulation" in done.stdout
-    assert f"platforms: {LIBRARIES[version].split('/')[1]}\n" in done.stdout
+    command = desat("check", str(path))
+    assert command.returncode == 0, command.stderr
+    assert command.stderr.count("warning: ") == 1
+    assert "its library cannot be loaded: it is no library of Linux" in command.stderr
+    assert f"FMI {version} for co-simulation" in command.stdout
+    assert f"platforms: {LIBRARIES[version].split('/')[1]}\n" in command.stdout
     answer = json.loads(desat("check", str(path), "--json").stdout)
-    assert answer["sha256"] in done.stdout
+    assert answer["sha256"] in command.stdout
     assert answer["problems"] == []
-    found = {
+    interface = {
         v["name"]: (v["causality"], v["shape"], v["unit"]) for v in answer["variables"]
     }
-    found.pop("time", None)
-    assert found == {
+    interface.pop("time", None)
+    assert interface == {
         "u": ("input", [2], "N.m"),
         "y": ("output", [], "N.m"),
         "gain": ("parameter", [], ""),
     }
-    rows = [" ".join(line.split()) for line in done.stdout.splitlines()]
+    rows = [" ".join(line.split()) for line in command.stdout.splitlines()]
     assert any(row.startswith("u[2] ") and row.endswith(" N.m") for row in rows)
 
 
@@ -140,8 +140,8 @@ def test_ours_are_as_the_standard_wants_them(desat, name):
     path = paths.fmus() / f"{name}.fmu"
     if not path.exists():
         pytest.skip("it is not built here")
-    done = desat("check", str(path))
-    assert (done.returncode, done.stderr) == (0, "")
+    command = desat("check", str(path))
+    assert (command.returncode, command.stderr) == (0, "")
 
 
 @pytest.mark.parametrize(
@@ -183,11 +183,11 @@ def test_what_breaks_the_standard_is_a_problem(
 ):
     """Named by the file, and ended with 1; no word of a bug of ours."""
     path = of_version(tmp_path, version, old, new)
-    done = desat("check", str(path))
-    assert done.returncode == 1, done.stdout
-    assert "Traceback" not in done.stderr
-    assert "error: internal" not in done.stderr
-    *lines, last = done.stderr.splitlines()
+    command = desat("check", str(path))
+    assert command.returncode == 1, command.stdout
+    assert "Traceback" not in command.stderr
+    assert "error: internal" not in command.stderr
+    *lines, last = command.stderr.splitlines()
     assert last == f"1 problem(s) in {path}" or int(last.split()[0]) == len(lines)
     assert all(line.startswith("it.fmu: ") for line in lines)
     assert message in " ".join(lines)
@@ -197,9 +197,9 @@ def test_what_breaks_the_standard_is_a_problem(
 
 def test_an_fmu_without_a_binary_and_sources_breaks_the_standard(desat, tmp_path):
     path = write(tmp_path / "it.fmu", FMI2, "")
-    done = desat("check", str(path))
-    assert done.returncode == 1
-    assert "it.fmu: neither a library in binaries/ nor sources/" in done.stderr
+    command = desat("check", str(path))
+    assert command.returncode == 1
+    assert "it.fmu: neither a library in binaries/ nor sources/" in command.stderr
 
 
 @pytest.mark.parametrize(
@@ -213,10 +213,10 @@ def test_what_would_not_run_here_is_a_warning(
     desat, tmp_path, old, new, library, message
 ):
     path = write(tmp_path / "it.fmu", FMI2.replace(old, new) if old else FMI2, library)
-    done = desat("check", str(path))
-    assert done.returncode == 0
-    assert done.stderr.startswith("warning: it.fmu")
-    assert message in done.stderr
+    command = desat("check", str(path))
+    assert command.returncode == 0
+    assert command.stderr.startswith("warning: it.fmu")
+    assert message in command.stderr
 
 
 @pytest.mark.parametrize(
@@ -248,20 +248,22 @@ def test_what_is_no_fmu_is_a_line(desat, tmp_path, content, message):
         with zipfile.ZipFile(path, "w") as file:
             for name, text in content.items():
                 file.writestr(name, text)
-    done = desat("check", str(path))
-    assert done.returncode == 2
-    assert len(done.stderr.splitlines()) == 1
-    assert "it.fmu" in done.stderr
-    assert message in done.stderr
+    command = desat("check", str(path))
+    assert command.returncode == 2
+    assert len(command.stderr.splitlines()) == 1
+    assert "it.fmu" in command.stderr
+    assert message in command.stderr
 
 
 @pytest.mark.parametrize(
     "option", [["--set", "a.b=1"], ["--stop", "5"], ["--schedule"]]
 )
 def test_options_of_systems_are_refused(desat, tmp_path, option):
-    done = desat("check", str(of_version(tmp_path, "2.0")), *option)
-    assert done.returncode == 2
-    assert done.stderr == f"error: {option[0]}: it is of a system, and this is an FMU\n"
+    command = desat("check", str(of_version(tmp_path, "2.0")), *option)
+    assert command.returncode == 2
+    assert (
+        command.stderr == f"error: {option[0]}: it is of a system, and this is an FMU\n"
+    )
 
 
 def test_a_list_of_trusted_hashes_holds(desat, tmp_path):
@@ -271,9 +273,9 @@ def test_a_list_of_trusted_hashes_holds(desat, tmp_path):
     hashes.write_text(f"{answer['sha256']}  it.fmu\n")
     assert desat("check", str(path), "--trust", str(hashes)).returncode == 0
     hashes.write_text("0" * 64)
-    done = desat("check", str(path), "--trust", str(hashes))
-    assert done.returncode == 1
-    assert "it.fmu is not of the list of --trust" in done.stderr
+    command = desat("check", str(path), "--trust", str(hashes))
+    assert command.returncode == 1
+    assert "it.fmu is not of the list of --trust" in command.stderr
 
 
 # Names in the notation of FMI 2.0.4, section 2.2.9, {} a number.
@@ -300,13 +302,13 @@ def test_names_are_judged_as_fmpy_does():
     variables = etree.SubElement(root, "ModelVariables")
     for name in names:
         etree.SubElement(variables, "ScalarVariable", name=name)
-    found = list(_name_faults(root))
+    fault_lines = list(_name_faults(root))
     rows = [SimpleNamespace(name=name, sourceline=1) for name in names]
     theirs = judge(
         SimpleNamespace(variableNamingConvention="structured", modelVariables=rows)
     )
-    assert len(found) == len(theirs) == len(ILLEGAL)
-    for name, line in zip(ILLEGAL, found, strict=True):
+    assert len(fault_lines) == len(theirs) == len(ILLEGAL)
+    for name, line in zip(ILLEGAL, fault_lines, strict=True):
         assert line.startswith(f"{name!r} (line ")
     root.set("variableNamingConvention", "flat")
     variables[0].set("name", "a\tb")
@@ -329,9 +331,9 @@ def test_two_thousand_variables_take_less_than_a_second(desat, tmp_path, version
     path = write(tmp_path / "it.fmu", text, LIBRARIES[version])
     seconds = []
     for _ in range(3):  # the least is its own, the rest is the machine's
-        begun = time.process_time()
-        done = desat("check", str(path))
-        seconds.append(time.process_time() - begun)
+        start_time = time.process_time()
+        command = desat("check", str(path))
+        seconds.append(time.process_time() - start_time)
     assert min(seconds) < 1.0
-    assert done.returncode == 0, done.stderr
-    assert "der(x1)" in done.stdout
+    assert command.returncode == 0, command.stderr
+    assert "der(x1)" in command.stdout

@@ -51,7 +51,7 @@ def test_a_pipe_stays_and_nothing_is_computed(folder, line, monkeypatch):
     pipe = folder / "pipe"
     if not pipe.exists():
         os.mkfifo(pipe)
-    code, message = commands.ended(shlex.split(line.replace("OUT", "pipe")), folder)
+    code, message = commands.run_line(shlex.split(line.replace("OUT", "pipe")), folder)
     assert (code, message) == (
         2,
         f"error: {WRITERS[line]} pipe: not a regular file; nothing is written in its place\n",
@@ -79,31 +79,31 @@ def test_what_is_planted_where_a_file_goes(tmp_path, line, kind):
         (tmp_path / "craft" / "craft.toml").read_bytes()
     )
     if line.startswith("build"):
-        assert commands.ended(["new", "law", "my_own"], tmp_path)[0] == 0
-    planted, target = tmp_path / PLANTED[line], tmp_path / "target"
-    planted.parent.mkdir(exist_ok=True)
-    planted.unlink(missing_ok=True)
+        assert commands.run_line(["new", "law", "my_own"], tmp_path)[0] == 0
+    obstacle, target = tmp_path / PLANTED[line], tmp_path / "target"
+    obstacle.parent.mkdir(exist_ok=True)
+    obstacle.unlink(missing_ok=True)
     if kind == "pipe":
-        os.mkfifo(planted)
+        os.mkfifo(obstacle)
     elif kind == "folder":
-        planted.mkdir()
+        obstacle.mkdir()
     else:
-        planted.symlink_to(target if kind == "link" else planted)
+        obstacle.symlink_to(target if kind == "link" else obstacle)
         if kind == "link":
             target.write_text("before")
-    code, message = commands.ended(shlex.split(line), tmp_path)
+    code, message = commands.run_line(shlex.split(line), tmp_path)
     if kind == "link":
         assert code == 0, message
-        assert planted.is_symlink()
+        assert obstacle.is_symlink()
         assert target.read_bytes() != b"before"
     else:
         assert (code, message.count("\n")) == (2, 1), message
         assert message.startswith("error: ")
-        assert planted.name in message
+        assert obstacle.name in message
         is_kept = {"pipe": stat.S_ISFIFO, "folder": stat.S_ISDIR, "loop": stat.S_ISLNK}[
             kind
         ]
-        assert is_kept(planted.lstat().st_mode)
+        assert is_kept(obstacle.lstat().st_mode)
     assert list(tmp_path.rglob("*.tmp")) == []
     assert list(tmp_path.rglob("*.part")) == []
 
@@ -112,7 +112,7 @@ def test_what_is_planted_where_a_file_goes(tmp_path, line, kind):
 def test_a_loop_is_written_at_the_end_of_a_link(tmp_path):
     commands.prepare(tmp_path)
     (tmp_path / "link.fmu").symlink_to("real.fmu")
-    code, message = commands.ended(
+    code, message = commands.run_line(
         ["export", "fmu", "mine", "--out", "link.fmu"], tmp_path
     )
     assert code == 0, message
@@ -162,21 +162,26 @@ INTERNAL = {
 def test_all_else_is_written_by_one_function():
     """`io.replacing`: no other file of ours opens one to write, or puts one in
     another's place."""
-    found = []
+    writers = []
     for path in sorted(ROOMS.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if not isinstance(node, ast.Call) or path.name in INTERNAL:
                 continue
-            called = ast.unparse(node.func)
+            function_name = ast.unparse(node.func)
             modes = [
                 a.value
                 for a in (*node.args, *(k.value for k in node.keywords))
                 if isinstance(a, ast.Constant)
             ]
-            opens = called.endswith("open") and {"w", "wb", "a", "ab", "x", "xb"} & {
-                m for m in modes if isinstance(m, str)
-            }
-            if called.endswith((".write_text", ".write_bytes")) or opens:
-                found.append(f"{path.name}:{node.lineno}: {ast.unparse(node)[:60]}")
-    allowed = [f for f in found if "self.write_text" in f]
-    assert [f for f in found if f not in allowed] == []
+            opens = function_name.endswith("open") and {
+                "w",
+                "wb",
+                "a",
+                "ab",
+                "x",
+                "xb",
+            } & {m for m in modes if isinstance(m, str)}
+            if function_name.endswith((".write_text", ".write_bytes")) or opens:
+                writers.append(f"{path.name}:{node.lineno}: {ast.unparse(node)[:60]}")
+    exceptions = [f for f in writers if "self.write_text" in f]
+    assert [f for f in writers if f not in exceptions] == []

@@ -29,12 +29,12 @@ NAME = "uosat12/table3-ocdc-ilqr-1"
 
 
 @pytest.fixture(scope="module")
-def packed(tmp_path_factory) -> Path:
+def package(tmp_path_factory) -> Path:
     return pack_scenario(find(NAME), tmp_path_factory.mktemp("ssp") / "x.ssp")
 
 
-def test_packed_file_is_in_the_universal_profile(packed):
-    with zipfile.ZipFile(packed) as archive:
+def test_packed_file_is_in_the_universal_profile(package):
+    with zipfile.ZipFile(package) as archive:
         members = {n: archive.read(n) for n in archive.namelist()}
     text = members["SystemStructure.ssd"].decode()
     root = parse_bytes(text.encode(), "SystemStructure.ssd")
@@ -45,11 +45,11 @@ def test_packed_file_is_in_the_universal_profile(packed):
         'xmlns:osp="http://opensimulationplatform.com/SSP/OSPAnnotations"'
         in text.split(">")[1]
     )
-    listed, wired, sets = set(), set(), set()
+    endpoints, wire_ends, sets = set(), set(), set()
     for component in root.iter(f"{{{ssp.SSD}}}Component"):
         assert component.get("source") in members
         for connector in component.iter(f"{{{ssp.SSD}}}Connector"):
-            listed.add((component.get("name"), connector.get("name")))
+            endpoints.add((component.get("name"), connector.get("name")))
             (kind,) = connector
             assert etree.QName(kind).localname in ("Real", "Integer", "Boolean")
         for binding in component.iter(f"{{{ssp.SSD}}}ParameterBinding"):
@@ -57,11 +57,11 @@ def test_packed_file_is_in_the_universal_profile(packed):
             assert validate(values, "SystemStructureParameterValues.xsd", "x") == []
             sets.add(values.get("name"))
     for c in root.iter(f"{{{ssp.SSD}}}Connection"):
-        wired |= {
+        wire_ends |= {
             (c.get("startElement"), c.get("startConnector")),
             (c.get("endElement"), c.get("endConnector")),
         }
-    assert listed == wired
+    assert endpoints == wire_ends
     assert sets == {"parameters"}
     assert 'numWorkerThreads="0"' in text
     assert 'description="oms-ma"' in text
@@ -72,9 +72,9 @@ def _description(path):
         return etree.fromstring(archive.read("SystemStructure.ssd")).get("description")
 
 
-def test_what_other_tools_make_otherwise_is_said(packed, tmp_path, desat):
+def test_what_other_tools_make_otherwise_is_said(package, tmp_path, desat):
     """In the file and when it is packed: hints that some ignore, FMUs of FMI 3.0."""
-    assert _description(packed) is None
+    assert _description(package) is None
     slow, third = tmp_path / "slow.toml", tmp_path / "third.toml"
     slow.write_text('extends = "nadir_day/day-dipole"\n[step_ratio]\nenvironment = 2\n')
     fmu = paths.fmus() / "fmi3" / "rate_gyro.fmu"
@@ -83,29 +83,29 @@ def test_what_other_tools_make_otherwise_is_said(packed, tmp_path, desat):
         (slow, "environment: slower than the step"),
         (third, "gyro: of FMI 3.0"),
     ):
-        done = desat("pack", str(file), check=True)
-        (line,) = done.stderr.splitlines()
+        command = desat("pack", str(file), check=True)
+        (line,) = command.stderr.splitlines()
         assert line.startswith(f"note: nadir_day/{file.stem}: ")
         assert message in line
         assert message in _description(file.with_suffix(".ssp"))
 
 
-def test_packing_is_reproducible(packed, tmp_path):
+def test_packing_is_reproducible(package, tmp_path):
     again = pack_scenario(find(NAME), tmp_path / "y.ssp", force=True)
-    assert again.read_bytes() == packed.read_bytes()
+    assert again.read_bytes() == package.read_bytes()
 
 
-def test_packed_file_stands_alone(packed, tmp_path, monkeypatch):
+def test_packed_file_stands_alone(package, tmp_path, monkeypatch):
     monkeypatch.setattr(paths, "fmus", lambda: tmp_path)
-    run = execute(str(packed), Options(stop=50.0))
+    run = execute(str(package), Options(stop=50.0))
     assert run.ok
     assert run.manifest["about"]["name"] == NAME
 
 
-def test_a_folder_runs_as_well(packed, tmp_path):
-    with zipfile.ZipFile(packed) as archive:
+def test_a_folder_runs_as_well(package, tmp_path):
+    with zipfile.ZipFile(package) as archive:
         archive.extractall(tmp_path)
-    a, b = (execute(str(p), Options()) for p in (packed, tmp_path))
+    a, b = (execute(str(p), Options()) for p in (package, tmp_path))
     assert a.manifest["numbers"] == b.manifest["numbers"]
 
 
@@ -132,14 +132,14 @@ def test_a_packed_scenario_gives_the_bits_of_the_scenario(name, tmp_path):
     options = Options(stop=min(data["stop"], 80.0 * data["step"]))
     kind = "native" if name in SLOW_IN_PYTHON else "python"
     place = pack_scenario(find(name), tmp_path / "x.ssp", fmus=kind)
-    packed = execute(str(place), options)
+    packed_run = execute(str(place), options)
     plain = execute(name, options)
-    assert packed.ok
-    assert packed.manifest["numbers"] == plain.manifest["numbers"]
-    assert packed.results.names() == plain.results.names()
+    assert packed_run.ok
+    assert packed_run.manifest["numbers"] == plain.manifest["numbers"]
+    assert packed_run.results.names() == plain.results.names()
     for series in plain.results.names():
         assert np.array_equal(
-            packed.results.values(series),
+            packed_run.results.values(series),
             plain.results.values(series),
             equal_nan=plain.results.values(series).dtype.kind == "f",
         ), series
@@ -157,13 +157,13 @@ def test_every_scenario_has_a_title_and_a_story():
 
 def test_every_cell_of_tables_2_and_3_is_a_scenario():
     cases = [f"{law}-{i}" for law in ("ilqr", "mec") for i in (1, 2, 3)]
-    expected = {
+    names = {
         f"uosat12/table2-{m}-{c}"
         for m in ("dct", "cccp", "crcp", "ocdc")
         for c in cases
     }
-    expected |= {f"uosat12/table3-{m}-{c}" for m in ("dct", "ocdc") for c in cases}
-    assert expected <= set(scenarios("uosat12"))
+    names |= {f"uosat12/table3-{m}-{c}" for m in ("dct", "ocdc") for c in cases}
+    assert names <= set(scenarios("uosat12"))
 
 
 def test_what_others_would_misread_is_not_packed(tmp_path):
@@ -184,14 +184,14 @@ def rezip(source: Path, target: Path, **changes: bytes | None) -> Path:
     return target
 
 
-def test_hostile_archives(packed, tmp_path, monkeypatch):
+def test_hostile_archives(package, tmp_path, monkeypatch):
     with pytest.raises(DesatError, match="would leave the folder"):
-        ssp.read(rezip(packed, tmp_path / "a.ssp", **{"../../evil": b"x"}), Options())
+        ssp.read(rezip(package, tmp_path / "a.ssp", **{"../../evil": b"x"}), Options())
     with pytest.warns(UserWarning, match="Duplicate"):
-        twice = rezip(packed, tmp_path / "b.ssp", **{"SystemStructure.ssd": b"x"})
+        twice = rezip(package, tmp_path / "b.ssp", **{"SystemStructure.ssd": b"x"})
     with pytest.raises(DesatError, match=r"holds SystemStructure.ssd twice"):
         ssp.read(twice, Options())
-    big = rezip(packed, tmp_path / "c.ssp", extra=b"0" * 1000)
+    big = rezip(package, tmp_path / "c.ssp", extra=b"0" * 1000)
     monkeypatch.setattr(io, "LARGEST", 1000)
     with pytest.raises(DesatError, match="allowed"):
         ssp.read(big, Options())
@@ -250,24 +250,24 @@ def test_scenario_files(tmp_path, monkeypatch, scenario_module):
         return scenario.scenarios()
 
     base = "abstract = true\nstep = 10\nstop = 20\n[parameters.manager]\nduty = 0.5\n[axes.m]\n"
-    found = read(
+    family = read(
         base=base,
         t='extends = "base"\ntitle = "{m} at {c}"\nbaseline = "t-a-{c}"\n'
         '[axes.m.a]\nlabel = "A"\n[axes.m.b]\nparameters.manager.split = "dct"\n[axes.c.x]\n',
     )
-    assert list(found) == ["f/t-a-x", "f/t-b-x"]
-    b = found["f/t-b-x"]
+    assert list(family) == ["f/t-a-x", "f/t-b-x"]
+    b = family["f/t-b-x"]
     assert b.content.title == "b at x"
-    assert found["f/t-a-x"].content.title == "A at x"
+    assert family["f/t-a-x"].content.title == "A at x"
     assert b.baseline == "f/t-a-x"
-    assert found["f/t-a-x"].baseline is None
+    assert family["f/t-a-x"].baseline is None
     assert b.content.parameters["manager"] == {"duty": 0.5, "split": "dct"}
-    found = read(
+    family = read(
         base=base,
         t='extends = "base"\n[axes.m.a]\n[axes.m.b]\nwithout = ["parameters.manager.duty"]\n',
     )
-    assert found["f/t-a"].content.parameters["manager"] == {"duty": 0.5}
-    assert found["f/t-b"].content.parameters["manager"] == {}
+    assert family["f/t-a"].content.parameters["manager"] == {"duty": 0.5}
+    assert family["f/t-b"].content.parameters["manager"] == {}
     with pytest.raises(
         DesatError, match=r"t.toml: without parameters.q.x: there is none before"
     ):
@@ -300,15 +300,15 @@ def test_packing_all_leaves_what_is_current(monkeypatch, tmp_path):
     monkeypatch.setattr(paths, "packed_folder", lambda: tmp_path)
     command(None)
     path = tmp_path / f"{NAME}.ssp"
-    written = path.stat().st_mtime_ns
+    change_time = path.stat().st_mtime_ns
     command(None)
-    assert path.stat().st_mtime_ns == written
+    assert path.stat().st_mtime_ns == change_time
     command(None, [NAME])
-    assert path.stat().st_mtime_ns > written
+    assert path.stat().st_mtime_ns > change_time
 
 
 def test_make_demo_and_make_ssp_pack_what_is_needed():
-    packed = {
+    pack_lines = {
         target: [
             line
             for line in subprocess.run(
@@ -322,7 +322,7 @@ def test_make_demo_and_make_ssp_pack_what_is_needed():
         ]
         for target in ("demo", "ssp")
     }
-    assert packed == {
+    assert pack_lines == {
         "demo": [".venv/bin/desat pack uosat12/table3-ocdc-ilqr-1"],
         "ssp": [],
     }
@@ -356,16 +356,18 @@ def test_a_packed_system_needs_no_parameter_sets(tmp_path, fmus, arrays):
     they are ours, which run in this process."""
     name = "nadir_day/day-dipole"
     options = Options(stop=100.0)
-    expected = execute(name, options).results
-    packed = pack_scenario(find(name), tmp_path / "a.ssp", True, fmus, arrays=arrays)
-    bare = rewritten(packed, tmp_path / "b.ssp", without_sets)
-    for path in (packed, bare):
+    plain_results = execute(name, options).results
+    archive_file = pack_scenario(
+        find(name), tmp_path / "a.ssp", True, fmus, arrays=arrays
+    )
+    bare = rewritten(archive_file, tmp_path / "b.ssp", without_sets)
+    for path in (archive_file, bare):
         run = execute(str(path), options)
         assert [c.fmu.ours for c in run_components(path)] == [True] * 11
-        for series in expected.names():
+        for series in plain_results.names():
             assert (
                 run.results.values(series).tobytes()
-                == expected.values(series).tobytes()
+                == plain_results.values(series).tobytes()
             ), series
 
 
@@ -375,10 +377,10 @@ def run_components(path: Path):
 
 
 def test_a_copy_that_differs_in_more_than_its_values_is_foreign(tmp_path):
-    packed = pack_scenario(
+    archive_file = pack_scenario(
         find("nadir_day/day-dipole"), tmp_path / "a.ssp", True, "native"
     )
-    with zipfile.ZipFile(packed) as archive:
+    with zipfile.ZipFile(archive_file) as archive:
         fmu = tmp_path / "wheels.fmu"
         fmu.write_bytes(archive.read("resources/wheels.fmu"))
     assert library.load(fmu).ours
@@ -402,10 +404,10 @@ def test_a_copy_that_differs_in_more_than_its_values_is_foreign(tmp_path):
 def test_a_copy_starts_anew_with_its_values(tmp_path):
     """By fmpy: after instantiation and after a reset, native and of Python."""
     for kind in ("native", "python"):
-        packed = pack_scenario(
+        archive_file = pack_scenario(
             find("nadir_day/day-dipole"), tmp_path / f"{kind}.ssp", True, kind
         )
-        with zipfile.ZipFile(packed) as archive:
+        with zipfile.ZipFile(archive_file) as archive:
             fmu = tmp_path / f"{kind}.fmu"
             fmu.write_bytes(archive.read("resources/torquers.fmu"))
         description = fmpy.read_model_description(fmu)

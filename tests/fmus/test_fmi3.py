@@ -66,20 +66,22 @@ def test_each_native_block_has_one_whose_files_are_as_the_schemas_want():
             assert archive.read(f"binaries/{here}/{Path(library).name}") == two.read(
                 library
             )
-            listed = etree.fromstring(archive.read("sources/buildDescription.xml"))
-        assert {f"sources/{f.get('name')}" for f in listed.iter("SourceFile")} == {
-            f for f in files if f.endswith(".c")
-        }
+            build_description = etree.fromstring(
+                archive.read("sources/buildDescription.xml")
+            )
+        assert {
+            f"sources/{f.get('name')}" for f in build_description.iter("SourceFile")
+        } == {f for f in files if f.endswith(".c")}
 
 
 def test_arrays_modes_and_terminals_are_such():
-    described = {
+    fmu_variables = {
         v.name: v for v in fmpy.read_model_description(path("wheels")).modelVariables
     }
-    declared = {v.name: v for v in block_class("wheels").variables}
-    assert {n for n in described if n != "time"} == set(declared)
-    for name, v in declared.items():
-        assert tuple(described[name].shape or ()) == v.shape
+    block_variables = {v.name: v for v in block_class("wheels").variables}
+    assert {n for n in fmu_variables if n != "time"} == set(block_variables)
+    for name, v in block_variables.items():
+        assert tuple(fmu_variables[name].shape or ()) == v.shape
     manager = fmpy.read_model_description(path("manager_magnetic"))
     mode = next(v for v in manager.modelVariables if v.name == "mode")
     assert mode.type == "Enumeration"
@@ -98,7 +100,7 @@ def test_arrays_modes_and_terminals_are_such():
     assert members["wheels"]["h_wheel"] == "h_wheel"
     assert members["manager"]["tau_cmd_wheel"] == "tau_cmd_wheel"
     assert set(members) == {"wheels"} | {
-        v.source[0].partition(".")[0] for v in declared.values() if v.source
+        v.source[0].partition(".")[0] for v in block_variables.values() if v.source
     }
 
 
@@ -192,7 +194,7 @@ def test_both_faces_give_the_same_bits(name, tmp_path):
     inputs = [v for v in both.variables if v.causality == "input"]
     both.initialise()
     both.assert_equal()
-    moved = False
+    has_moved = False
     for _ in range(20):
         for v in inputs:
             if v.type == "Real":
@@ -201,10 +203,10 @@ def test_both_faces_give_the_same_bits(name, tmp_path):
                 both.set(v, [True] * v.size)
         both.step(1.0)
         both.assert_equal()
-        moved |= any(
+        has_moved |= any(
             any(both.get(v)[1]) for v in both.variables if v.causality == "output"
         )
-    assert moved
+    assert has_moved
     time = both.of_three["time"].valueReference
     assert both.three.getFloat64([time]) == [20.0]
     state = both.three.getFMUState()
@@ -282,7 +284,7 @@ def test_a_step_that_fails_is_discarded_and_logged_once(tmp_path):
 @pytest.mark.slow
 def test_the_loop_as_an_fmu_of_fmi_3_gives_the_bits_of_a_run(desat, tmp_path):
     file = tmp_path / "loop.fmu"
-    done = desat(
+    command = desat(
         "export",
         "fmu",
         "integrated/mil-nadir",
@@ -295,7 +297,7 @@ def test_the_loop_as_an_fmu_of_fmi_3_gives_the_bits_of_a_run(desat, tmp_path):
         "--outputs",
         "manager.mode",
     )
-    assert done.returncode == 0, done.stderr
+    assert command.returncode == 0, command.stderr
     assert validate_fmu(str(file)) == []
     ran = execute("integrated/mil-nadir", Options(stop=30.0), None)
     series = fmpy.simulate_fmu(str(file), stop_time=30.0, output_interval=0.5)[
@@ -335,11 +337,11 @@ class Doubled(Block):
         self.made = (2.0 * x, 2.0 * y, 2.0 * z)
 '''
     )
-    done = desat(
+    command = desat(
         "build", str(file), "--fmi", "3", "--out", str(tmp_path / "out"), "--json"
     )
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout) == {
+    assert command.returncode == 0, command.stderr
+    assert json.loads(command.stdout) == {
         "fmi3": str(tmp_path / "out" / "fmi3" / "doubled.fmu")
     }
     result = fmpy.simulate_fmu(
@@ -352,11 +354,11 @@ class Doubled(Block):
     file.write_text(
         file.read_text().replace("x, y, z = self.given", "x, y, z = {1: self.given}[1]")
     )
-    done = desat("build", str(file), "--fmi", "3", "--out", str(tmp_path / "out"))
-    assert done.returncode == 2
+    command = desat("build", str(file), "--fmi", "3", "--out", str(tmp_path / "out"))
+    assert command.returncode == 2
     assert (
         "doubled.py: FMI 3.0 is for native FMUs, and there is none of it: doubled.py:"
-        in (done.stderr)
+        in (command.stderr)
     )
 
 
@@ -369,17 +371,17 @@ def test_all_functions_of_the_standard_are_there(tmp_path):
     )
     with zipfile.ZipFile(path("wheels")) as archive:
         archive.extract(library, tmp_path)
-    listed = subprocess.run(
+    symbol_table = subprocess.run(
         ["nm", "-D", "--defined-only", str(tmp_path / library)],
         capture_output=True,
         text=True,
         check=True,
     ).stdout
     header = Path(fmpy.__file__).parent / "c-code" / "fmi3FunctionTypes.h"
-    expected = {
+    function_names = {
         w.removesuffix("TYPE")
         for w in header.read_text().replace("(", " ").split()
         if w.startswith("fmi3") and w.endswith("TYPE")
     }
-    assert len(expected) > 60
-    assert {w for w in expected if f" {w}\n" not in listed} == set()
+    assert len(function_names) > 60
+    assert {w for w in function_names if f" {w}\n" not in symbol_table} == set()

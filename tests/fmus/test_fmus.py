@@ -129,7 +129,7 @@ def test_a_block_that_cannot_be_one_is_named_and_the_others_are_built(tmp_path):
     (package / "components/blocks/tachometers_mine.py").write_text(
         mine, encoding="utf-8"
     )
-    done = subprocess.run(
+    build_run = subprocess.run(
         [
             sys.executable,
             "-m",
@@ -146,8 +146,8 @@ def test_a_block_that_cannot_be_one_is_named_and_the_others_are_built(tmp_path):
         check=False,
         env={**os.environ, "PYTHONPATH": str(tmp_path)},
     )
-    assert done.returncode == 1
-    (line,) = done.stderr.splitlines()
+    assert build_run.returncode == 1
+    (line,) = build_run.stderr.splitlines()
     assert line.startswith(
         "error: components/blocks/tachometers_mine.py: TypeError: Tachometers."
     )
@@ -188,15 +188,15 @@ def test_package_name_follows_the_contents(tmp_path, monkeypatch):
     """Different code gives a different package, so two versions can live in one
     process."""
     files = build.contents("tachometers")
-    changed = {
+    new_contents = {
         **files,
         "blocks/tachometers.py": files["blocks/tachometers.py"] + b"# changed\n",
     }
-    monkeypatch.setattr(build, "contents", lambda name: changed)
-    built = build.build("tachometers", tmp_path)
+    monkeypatch.setattr(build, "contents", lambda name: new_contents)
+    new_fmu = build.build("tachometers", tmp_path)
     old, new = (
         {n.split("/")[1] for n in zipfile.ZipFile(p).namelist() if "/desat_" in n}
-        for p in (path("tachometers"), built)
+        for p in (path("tachometers"), new_fmu)
     )
     assert len(old) == len(new) == 1
     assert old != new
@@ -425,13 +425,13 @@ def test_angles_are_shown_in_degrees_and_authors_are_named():
                 "the desat authors",
                 "MIT",
             )
-            shown = {
+            display_units = {
                 v.unit: v.displayUnit
                 for v in description.modelVariables
                 if v.type in ("Real", "Float64") and v.unit
             }
-            assert shown["rad/s"] == "deg/s"
-            assert shown["s"] is None
+            assert display_units["rad/s"] == "deg/s"
+            assert display_units["s"] is None
             (unit,) = (u for u in description.unitDefinitions if u.name == "rad/s")
             assert unit.displayUnits[0].factor * np.radians(1.0) == pytest.approx(1.0)
 

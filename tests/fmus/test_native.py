@@ -44,9 +44,9 @@ KINDS = ["native", "python"]
 
 
 def path(name: str, kind: str = "native") -> Path:
-    found = library.our_file(f"{name}.fmu", kind)
-    assert found is not None
-    return found
+    file = library.our_file(f"{name}.fmu", kind)
+    assert file is not None
+    return file
 
 
 # --- an FMU beside its block ----------------------------------------------------------
@@ -129,12 +129,12 @@ def _bits(x: Any) -> Any:
 
 
 def outputs(block: Block) -> dict[str, list[Any]]:
-    found = {
+    values = {
         v: getattr(block, v.name) for v in block.variables if v.causality == "output"
     }
     return {
         v.name: [_bits(x) for x in (value if v.shape else (value,))]
-        for v, value in found.items()
+        for v, value in values.items()
         if v.name != "fault"
     }
 
@@ -239,8 +239,8 @@ def test_a_saved_state_goes_on_in_another_library(name, tmp_path):
         for k in range(4):
             a.step(float(k), 1.0)
         state = a.fmu.getFMUstate()
-        saved = a.fmu.serializeFMUstate(state)
-        b.fmu.setFMUstate(b.fmu.deSerializeFMUstate(saved))
+        state_bytes = a.fmu.serializeFMUstate(state)
+        b.fmu.setFMUstate(b.fmu.deSerializeFMUstate(state_bytes))
         for k in range(4, 10):
             randomise_inputs(block, rng)
             for i in (a, b):
@@ -249,7 +249,7 @@ def test_a_saved_state_goes_on_in_another_library(name, tmp_path):
             assert a.outputs() == b.outputs()
             assert not a.failed()
         with pytest.raises(fmpy.fmi1.FMICallException):
-            b.fmu.deSerializeFMUstate(b"x" + saved[1:])
+            b.fmu.deSerializeFMUstate(b"x" + state_bytes[1:])
         a.fmu.freeFMUstate(state)
     finally:
         a.free()
@@ -261,12 +261,12 @@ def test_a_saved_state_goes_on_in_another_library(name, tmp_path):
 
 def test_every_block_is_native_but_the_pinned_ones():
     index = json.loads((paths.fmus() / build.INDEX).read_text(encoding="utf-8"))
-    built = {(e["kind"], e["name"]): e for e in index}
-    assert {n for kind, n in built if kind == "python"} == set(registry.names())
-    assert {n for kind, n in built if kind == "native"} == set(NATIVE), [
+    index_entries = {(e["kind"], e["name"]): e for e in index}
+    assert {n for kind, n in index_entries if kind == "python"} == set(registry.names())
+    assert {n for kind, n in index_entries if kind == "native"} == set(NATIVE), [
         e["why"] for e in index if "why" in e
     ]
-    for (kind, name), e in built.items():
+    for (kind, name), e in index_entries.items():
         data = (paths.fmus() / e["file"]).read_bytes()
         assert e["bytes"] == len(data)
         assert e["sha256"] == hashlib.sha256(data).hexdigest()
@@ -295,11 +295,11 @@ def test_it_validates_and_is_described_as_the_python_one(name):
             )
         simulation = root.find("CoSimulation")
         if kind == "native":
-            listed = simulation.find("SourceFiles")
-            sources = [f.get("name") for f in listed]
+            source_files = simulation.find("SourceFiles")
+            sources = [f.get("name") for f in source_files]
             assert sources == sorted(("fmi2.c", "fmi3.c", "runtime.c", f"{name}.c"))
             assert {f"sources/{f}" for f in (*sources, "block.h", "fmi2.h")} <= files
-            simulation.remove(listed)
+            simulation.remove(source_files)
             assert simulation.get("needsExecutionTool") == "false"
         for element, key in (
             (root, "guid"),
@@ -359,7 +359,7 @@ def test_a_plain_c_host_runs_all_of_them_in_an_empty_environment(tmp_path):
         folder = library.extract(path(name))
         inputs.append(str(folder / "binaries" / native.platform() / f"{name}.so"))
         inputs.append(fmpy.read_model_description(folder).guid)
-    done = subprocess.run(
+    host_run = subprocess.run(
         ["/usr/bin/env", "-i", str(host), *inputs],
         capture_output=True,
         text=True,
@@ -367,14 +367,14 @@ def test_a_plain_c_host_runs_all_of_them_in_an_empty_environment(tmp_path):
         timeout=60,
         cwd=tmp_path,
     )
-    assert done.stdout.splitlines()[-1:] == [f"{len(NATIVE)} FMUs"], (
-        done.stdout + done.stderr
+    assert host_run.stdout.splitlines()[-1:] == [f"{len(NATIVE)} FMUs"], (
+        host_run.stdout + host_run.stderr
     )
-    needed = subprocess.run(
+    libraries = subprocess.run(
         ["ldd", inputs[0]], capture_output=True, text=True, check=False
     ).stdout
-    if needed:
-        assert "python" not in needed
+    if libraries:
+        assert "python" not in libraries
 
 
 def _twice(fmu):
@@ -617,7 +617,7 @@ class Tried(Block):
 
 
 @pytest.fixture
-def built(tmp_path):
+def write_block(tmp_path):
     """A block of source text, as a file of somebody's own."""
     count = 0
 
@@ -726,9 +726,9 @@ def built(tmp_path):
         ),
     ],
 )
-def test_what_leaves_the_subset_is_refused_with_its_place(built, body, fault):
+def test_what_leaves_the_subset_is_refused_with_its_place(write_block, body, fault):
     with pytest.raises(SubsetError) as caught:
-        program.translate(built(body), "tried", "")
+        program.translate(write_block(body), "tried", "")
     text = str(caught.value)
     assert text.startswith("tried1.py:"), text
     assert fault in text
@@ -742,7 +742,9 @@ def shared(tmp_path_factory) -> Path:
     return folder
 
 
-def compiled(block: type[Block], folder: Path, shared: Path, guid: str = "{x}") -> Path:
+def compile_block(
+    block: type[Block], folder: Path, shared: Path, guid: str = "{x}"
+) -> Path:
     """A block of a test as an unpacked FMU."""
     files = {
         "block.h": (native.WRAPPER / "block.h").read_text(),
@@ -840,9 +842,9 @@ ALIKE = (
 
 
 @pytest.mark.parametrize("body", ALIKE)
-def test_order_and_objects_are_pythons(built, tmp_path, shared, body):
-    block = built(body)()
-    folder = compiled(type(block), tmp_path, shared)
+def test_order_and_objects_are_pythons(write_block, tmp_path, shared, body):
+    block = write_block(body)()
+    folder = compile_block(type(block), tmp_path, shared)
     i = Pair(folder, block, folder)
     i.fmu.setupExperiment(startTime=0.0)
     i.fmu.enterInitializationMode()
@@ -866,17 +868,17 @@ def test_order_and_objects_are_pythons(built, tmp_path, shared, body):
     i.free()
 
 
-def test_states_and_phases_of_another_kind_are_refused(built, tmp_path, shared):
+def test_states_and_phases_of_another_kind_are_refused(write_block, tmp_path, shared):
     """A state of another FMU; a step without initialisation, by which nothing has
     started; an integer that FMI 2.0 does not have; no strings at all are no failure."""
     instances = []
     for k, body in enumerate(
         ("self.k = 1 << 40", "self.a = (self.x, self._u, 1.0)\nself.k = 2")
     ):
-        block = built(body)()
+        block = write_block(body)()
         place = tmp_path / str(k)
         place.mkdir()
-        folder = compiled(type(block), place, shared, guid=f"{{{k}}}")
+        folder = compile_block(type(block), place, shared, guid=f"{{{k}}}")
         instances.append(Pair(folder, block, folder))
     one, other = instances
     assert other.fmu.getString([]) == []
@@ -902,7 +904,7 @@ def test_states_and_phases_of_another_kind_are_refused(built, tmp_path, shared):
         i.free()
 
 
-def test_what_has_no_end_is_ended(built, tmp_path, shared):
+def test_what_has_no_end_is_ended(write_block, tmp_path, shared):
     """Recursion, before it takes the host's stack; integers that no double has."""
     for body, n, message in (
         (
@@ -917,10 +919,10 @@ def test_what_has_no_end_is_ended(built, tmp_path, shared):
         ),
         ("k = self.n * 9007199254740993\nself.a = (k / 3, 0.0, 0.0)", 1, "64 bits"),
     ):
-        block = built(body)()
+        block = write_block(body)()
         place = tmp_path / str(len(list(tmp_path.iterdir())))
         place.mkdir()
-        folder = compiled(type(block), place, shared)
+        folder = compile_block(type(block), place, shared)
         i = Pair(folder, block, folder)
         i.fmu.setupExperiment(startTime=0.0)
         i.fmu.enterInitializationMode()
@@ -933,11 +935,11 @@ def test_what_has_no_end_is_ended(built, tmp_path, shared):
         i.free()
 
 
-def test_arithmetic_and_texts_are_pythons(built, tmp_path, shared):
+def test_arithmetic_and_texts_are_pythons(write_block, tmp_path, shared):
     """Powers, remainders, roundings, roots, indices, formats: values, failures and
     their texts."""
-    block_class = built(ARITHMETIC)
-    folder = compiled(block_class, tmp_path, shared)
+    block_class = write_block(ARITHMETIC)
+    folder = compile_block(block_class, tmp_path, shared)
     rng = random.Random(11)
     cases = [(x, y) for x in NUMBERS for y in NUMBERS]
     cases += [
@@ -950,7 +952,7 @@ def test_arithmetic_and_texts_are_pythons(built, tmp_path, shared):
     i.fmu.enterInitializationMode()
     i.fmu.exitInitializationMode()
     state = i.fmu.getFMUstate()
-    refused = 0
+    refusal_count = 0
     for x, y in cases:
         for n in range(8):
             block.x, block.y, block.n = x, y, n
@@ -966,22 +968,22 @@ def test_arithmetic_and_texts_are_pythons(built, tmp_path, shared):
                 "OverflowError: an integer beyond 64 bits"
             ):
                 assert not -(2**62) < x < 2**62  # refused, never wrong
-                refused += 1
+                refusal_count += 1
                 continue
             assert i.failed() == bool(message), (x, y, n, message, i.messages)
             if message:
                 assert i.messages[-1].endswith(message), (x, y, n)
             else:
                 assert i.outputs() == outputs(block), (x, y, n)
-    assert 0 < refused < len(cases)
+    assert 0 < refusal_count < len(cases)
     i.free()
 
 
 def test_the_blocks_are_within_and_a_new_one_is_told(monkeypatch):
     monkeypatch.setattr(subset, "names", lambda: ("environment_tle", "tachometers"))
     monkeypatch.setattr(subset, "PINNED", {"tachometers": "", "gone": ""})
-    gone, out, needless = subset.problems()
-    assert gone == "fmus/native.py: PINNED has gone, which is no block"
+    stale_pin, out, needless = subset.problems()
+    assert stale_pin == "fmus/native.py: PINNED has gone, which is no block"
     assert out.startswith("components/physics/tle.py:")
     assert (
         needless == "fmus/native.py: tachometers translates and need not be in PINNED"
@@ -992,18 +994,18 @@ def test_the_blocks_are_within_and_a_new_one_is_told(monkeypatch):
 SANE = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 
 
-def sanitized(names: Sequence[str], folder: Path) -> dict[str, str]:
+def run_sanitizers(names: Sequence[str], folder: Path) -> dict[str, str]:
     """What AddressSanitizer and UBSan, or the host of the other test, say of the C of
     blocks."""
-    saved = [f for f in native.FLAGS if f not in ("-O3", "-fvisibility=hidden")]
-    build = [*compiler(), *saved, "-g", "-w", "-std=gnu11", *SANE]
+    release_flags = [f for f in native.FLAGS if f not in ("-O3", "-fvisibility=hidden")]
+    build = [*compiler(), *release_flags, "-g", "-w", "-std=gnu11", *SANE]
     host = (
         (ROOT / "tests" / "host.c")
         .read_text()
         .replace("dlopen(path, RTLD_NOW)", "dlopen(0, RTLD_NOW)")
     )
     (folder / "host.c").write_text("#define _GNU_SOURCE\n" + host)
-    stated = {}
+    reports = {}
     for name in names:
         files, guid = native.sources(name)
         for file, text in files.items():
@@ -1024,19 +1026,19 @@ def sanitized(names: Sequence[str], folder: Path) -> dict[str, str]:
             check=False,
         )
         if ran.stdout.splitlines()[-1:] != ["1 FMUs"]:
-            stated[name] = ran.stdout + ran.stderr
-    return stated
+            reports[name] = ran.stdout + ran.stderr
+    return reports
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the sanitizers of gcc or clang")
 def test_no_sanitizer_complains(tmp_path):
     """Of a block; `python -m tests.fmus.test_native` tries all."""
-    assert sanitized(["thrusters"], tmp_path) == {}
+    assert run_sanitizers(["thrusters"], tmp_path) == {}
 
 
 if __name__ == "__main__":
-    with tempfile.TemporaryDirectory() as built:
-        complaints = sanitized(NATIVE, Path(built))
+    with tempfile.TemporaryDirectory() as write_block:
+        complaints = run_sanitizers(NATIVE, Path(write_block))
         print(
             f"{len(NATIVE) - len(complaints)} of {len(NATIVE)} blocks without a complaint"
         )

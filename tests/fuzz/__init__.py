@@ -27,7 +27,7 @@ from desat.files import library
 from desat.runs.prepare import prepare
 from desat.system.errors import DesatError
 from desat.system.options import Options
-from tests.fuzz.mutations import mutated
+from tests.fuzz.mutations import mutate
 from tests.fuzz.seeds import BARE, FILES, TARGETS, library_of_ours, plain_kind, seeds
 
 LONGEST = 5.0
@@ -59,7 +59,7 @@ class Outcome:
 @cache
 def _lines(file: str) -> set[int]:
     """The lines of a file's functions."""
-    todo, found = (
+    todo, numbers = (
         [compile(Path(file).read_text(encoding="utf-8"), file, "exec")],
         set[int](),
     )
@@ -68,18 +68,20 @@ def _lines(file: str) -> set[int]:
         if (
             code.co_flags & inspect.CO_OPTIMIZED
         ):  # of a function, neither a module's nor a class's
-            found |= {n for *_, n in code.co_lines() if n and n != code.co_firstlineno}
-    return found
+            numbers |= {
+                n for *_, n in code.co_lines() if n and n != code.co_firstlineno
+            }
+    return numbers
 
 
 def inputs(seed: int, count: int) -> Iterator[tuple[str, bytes]]:
     """Kind and bytes of inputs: first those kept, then `count` mutated ones."""
     for path in sorted(CORPUS.glob("*.*")):
         yield path.suffix[1:], path.read_bytes()
-    rng, known = random.Random(seed), seeds()
+    rng, seed_inputs = random.Random(seed), seeds()
     for _ in range(count):
-        kind = rng.choice(list(known))
-        yield kind, mutated(plain_kind(kind), known[kind], rng)
+        kind = rng.choice(list(seed_inputs))
+        yield kind, mutate(plain_kind(kind), seed_inputs[kind], rng)
 
 
 def run(folder: Path, seed: int, count: int) -> Outcome:
@@ -93,7 +95,7 @@ def run(folder: Path, seed: int, count: int) -> Outcome:
         target,
         file,
     ) in TARGETS.items():  # unchanged, all are right; and nothing is cold
-        (folder / file).write_bytes(_wrapped(kind, seeds()[kind]))
+        (folder / file).write_bytes(_wrap_input(kind, seeds()[kind]))
         prepare(str(folder / target), _options(kind)).or_raise()
     before = set(folder.parent.iterdir())
     for number, (kind, data) in enumerate(inputs(seed, count)):
@@ -110,14 +112,14 @@ def run(folder: Path, seed: int, count: int) -> Outcome:
     return outcome
 
 
-def _one(folder: Path, kind: str, data: bytes, traced: Outcome | None) -> str:
+def _one(folder: Path, kind: str, data: bytes, coverage: Outcome | None) -> str:
     """Read one input: `refused`, what is wrong, or nothing."""
     target, file = TARGETS[kind]
-    (folder / file).write_bytes(_wrapped(kind, data))
+    (folder / file).write_bytes(_wrap_input(kind, data))
     reading._extracted = 0  # the budget is a process's, and this is one for each
     began = time.process_time()
-    if traced is not None:
-        sys.settrace(_tracer(traced.lines))
+    if coverage is not None:
+        sys.settrace(_tracer(coverage.lines))
     try:
         message = (
             "refused" if prepare(str(folder / target), _options(kind)).problems else ""
@@ -141,7 +143,7 @@ def _options(kind: str) -> Options:
     return Options(step=1.0, stop=2.0, blocks=not theirs)
 
 
-def _wrapped(kind: str, data: bytes) -> bytes:
+def _wrap_input(kind: str, data: bytes) -> bytes:
     """The file with an input: a model description, of any FMI, is within an archive."""
     if not kind.startswith("xml"):
         return data

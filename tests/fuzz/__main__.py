@@ -24,7 +24,11 @@ def main() -> int:
     )
     parser.add_argument("--lines", type=int, default=200, help="command lines a round")
     arguments = parser.parse_args()
-    end, seed, failed = time.monotonic() + 3600.0 * arguments.hours, arguments.seed, 0
+    end, seed, failure_count = (
+        time.monotonic() + 3600.0 * arguments.hours,
+        arguments.seed,
+        0,
+    )
     while True:
         with tempfile.TemporaryDirectory() as folder:
             outcome = fuzz.run(Path(folder) / "in", seed, arguments.count)
@@ -32,16 +36,18 @@ def main() -> int:
         with tempfile.TemporaryDirectory() as folder:
             (Path(folder) / "in").mkdir()
             every = (*commands.QUICK, *commands.SLOW)
-            tried, wrong = commands.run(
+            line_count, wrong = commands.run(
                 Path(folder) / "in", seed, arguments.lines, every
             )
-        print(f"seed {seed}: {tried} command lines, {len(wrong)} failed", flush=True)
+        print(
+            f"seed {seed}: {line_count} command lines, {len(wrong)} failed", flush=True
+        )
         for line in (*outcome.failures, *wrong):
             print(f"  {line}")
-        failed += len(outcome.failures) + len(wrong)
+        failure_count += len(outcome.failures) + len(wrong)
         seed += 1
         if time.monotonic() >= end:
-            return int(failed > 0)
+            return int(failure_count > 0)
 
 
 if __name__ == "__main__":

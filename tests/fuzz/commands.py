@@ -62,7 +62,7 @@ WRITTEN = (
     f"campaign nowhere -n 1 --seed 1 --accuracy 1e-7 --case-limit 9 --jobs 1 {FLIGHT}",
     "campaign nowhere -n 1 --sampling random --keep every:1 --case-limit 10",
 )
-QUICK = (*WRITTEN, *tree.generated("nowhere"))
+QUICK = (*WRITTEN, *tree.generate_lines("nowhere"))
 """What ends at once: `nowhere` is no scenario, which is seen when the options have been
 read."""
 WITH_FLIGHTS = (
@@ -77,7 +77,7 @@ WITH_FLIGHTS = (
     "export fmu",
 )
 SLOW = (
-    *tree.generated("mine", with_flights=True, only=WITH_FLIGHTS),
+    *tree.generate_lines("mine", with_flights=True, only=WITH_FLIGHTS),
     f"run mine --checkpoint 1 --call-limit 9 --time-limit 9 --accuracy 1e-7 {FLIGHT}",
     f"campaign mine -n 1 --seed 1 --jobs 1 {FLIGHT}",
     f"sweep mine manager.gain=1e-3,2e-3 --jobs 1 {FLIGHT}",
@@ -144,11 +144,13 @@ def lines(seed: int, count: int, seeds: Sequence[str] = QUICK) -> Iterator[list[
     for _ in range(count):
         result = shlex.split(rng.choice(seeds))
         for _ in range(rng.choice((1, 1, 2, 3))):
-            result = _changed(result, rng, seeds)
+            result = _change_line(result, rng, seeds)
         yield result
 
 
-def _changed(line: list[str], rng: random.Random, seeds: Sequence[str]) -> list[str]:
+def _change_line(
+    line: list[str], rng: random.Random, seeds: Sequence[str]
+) -> list[str]:
     at = [
         i
         for i, x in enumerate(line)
@@ -178,7 +180,7 @@ def prepare(folder: Path) -> None:
     (folder / "iss.tle").write_text(TLE, encoding="utf-8")
     (folder / "torque.csv").write_text("0,1e-6,0,0\n100,0,1e-6,0\n", encoding="utf-8")
     (folder / "trusted.txt").write_text(f"{64 * 'a'}  a.fmu\n", encoding="utf-8")
-    code, message = ended(
+    code, message = run_line(
         ["new", "craft", "mine", "--size", "3U", "--altitude", "400km"], folder
     )
     assert code == 0, message
@@ -188,7 +190,7 @@ def _interrupt(number: int, frame: Any) -> None:
     raise KeyboardInterrupt
 
 
-def ended(line: Sequence[str], folder: Path) -> tuple[int, str]:
+def run_line(line: Sequence[str], folder: Path) -> tuple[int, str]:
     """The exit code of a command line in a folder, and all that it says."""
     message, before = io.StringIO(), (os.getcwd(), sys.argv)
     handler = signal.signal(signal.SIGALRM, _interrupt)
@@ -211,7 +213,7 @@ def ended(line: Sequence[str], folder: Path) -> tuple[int, str]:
 def wrong(line: Sequence[str], folder: Path) -> str:
     """What is wrong with how a command line ends; nothing where it is right."""
     began = time.monotonic()
-    code, message = ended(line, folder)
+    code, message = run_line(line, folder)
     if code not in CODES:
         return f"exit {code}: {message.strip()[-300:]}"
     if "Traceback" in message:
@@ -248,11 +250,11 @@ def run(
 ) -> tuple[int, list[str]]:
     """Try command lines in a folder that is there; how many, and what is wrong."""
     prepare(folder)
-    found, tried = [], 0
+    faults, line_count = [], 0
     outside = set(folder.parent.iterdir())
     for line in lines(seed, count, seeds):
-        tried += 1
+        line_count += 1
         if reason := wrong(line, folder):
-            found.append(f"{shlex.join(line)}: {reason}")
-    found += [f"a file outside: {p}" for p in set(folder.parent.iterdir()) - outside]
-    return tried, found
+            faults.append(f"{shlex.join(line)}: {reason}")
+    faults += [f"a file outside: {p}" for p in set(folder.parent.iterdir()) - outside]
+    return line_count, faults

@@ -77,7 +77,7 @@ VALUES: tuple[Any, ...] = (
 )
 
 
-def mutated(kind: str, seed: bytes, rng: random.Random) -> bytes:
+def mutate(kind: str, seed: bytes, rng: random.Random) -> bytes:
     """A seed with one to four mutations."""
     data = seed
     for _ in range(rng.choice((1, 1, 2, 4))):
@@ -99,10 +99,10 @@ def _place(data: bytes, rng: random.Random) -> int:
 def _bits(data: bytes, rng: random.Random) -> bytes:
     if not data:
         return b"\xff"
-    changed = bytearray(data)
+    mutation = bytearray(data)
     for _ in range(rng.randint(1, 4)):
-        changed[rng.randrange(len(changed))] = rng.randrange(256)
-    return bytes(changed)
+        mutation[rng.randrange(len(mutation))] = rng.randrange(256)
+    return bytes(mutation)
 
 
 def _piece(data: bytes, rng: random.Random) -> bytes:
@@ -120,15 +120,15 @@ def _piece(data: bytes, rng: random.Random) -> bytes:
 
 def _value(data: bytes, rng: random.Random) -> bytes:
     """A quoted value, or what follows an equals sign, replaced."""
-    found = list(re.finditer(rb'"([^"\n]*)"|= *([^"\n\[{]+)$', data, re.M))
-    if not found:
+    matches = list(re.finditer(rb'"([^"\n]*)"|= *([^"\n\[{]+)$', data, re.M))
+    if not matches:
         return data
-    match = rng.choice(found)
+    match = rng.choice(matches)
     group = 1 if match[1] is not None else 2
     new = (
         rng.choice(STRANGE)
         if rng.random() < 0.7
-        else rng.choice(found)[0].strip(b'"= ')
+        else rng.choice(matches)[0].strip(b'"= ')
     )
     return data[: match.start(group)] + new + data[match.end(group) :]
 
@@ -202,7 +202,7 @@ def _archive(data: bytes, rng: random.Random) -> bytes:
             if name.endswith("fmu")
             else "xml"
         )
-        entries[i] = (name, mutated(kind, substeps, rng))
+        entries[i] = (name, mutate(kind, substeps, rng))
     buffer = io.BytesIO()
     with warnings.catch_warnings(), zipfile.ZipFile(buffer, "w") as new:
         warnings.simplefilter("ignore")

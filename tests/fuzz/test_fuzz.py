@@ -68,9 +68,9 @@ def test_a_file_of_each_kind_is_read(tmp_path, kind):
     write_all(tmp_path)
     target, file = TARGETS[kind]
     data = seeds()[kind]
-    (tmp_path / file).write_bytes(fuzz._wrapped(kind, data))
+    (tmp_path / file).write_bytes(fuzz._wrap_input(kind, data))
     prepare(str(tmp_path / target), fuzz._options(kind)).or_raise()
-    (tmp_path / file).write_bytes(fuzz._wrapped(kind, data[: len(data) // 2]))
+    (tmp_path / file).write_bytes(fuzz._wrap_input(kind, data[: len(data) // 2]))
     with pytest.raises(DesatError, match=re.escape(file.rpartition("/")[2])):
         prepare(str(tmp_path / target), fuzz._options(kind)).or_raise()
 
@@ -121,9 +121,9 @@ def test_what_once_was_internal_is_a_line(tmp_path, cause):
     data = FILES[file]()
     assert old in data
     (tmp_path / file).write_bytes(data.replace(old, new, 1))
-    with pytest.raises(DesatError) as refused:
+    with pytest.raises(DesatError) as refusal:
         prepare(str(tmp_path / target), fuzz._options(kind)).or_raise()
-    assert file.rpartition("/")[2] in str(refused.value)
+    assert file.rpartition("/")[2] in str(refusal.value)
 
 
 FAULTS = [
@@ -145,12 +145,12 @@ def test_a_variable_that_the_standard_does_not_allow_is_named_in_a_line(
     refusal, or a warning where the meaning is clear."""
     write_all(tmp_path)
     target, file = TARGETS[kind]
-    (tmp_path / file).write_bytes(fuzz._wrapped(kind, data))
+    (tmp_path / file).write_bytes(fuzz._wrap_input(kind, data))
     try:
-        found = prepare(str(tmp_path / target), fuzz._options(kind))
-        code, lines = Exit.INPUT, [*found.problems, *found.warnings]
-    except DesatError as refused:
-        code, lines = refused.code, str(refused).splitlines()
+        case = prepare(str(tmp_path / target), fuzz._options(kind))
+        code, lines = Exit.INPUT, [*case.problems, *case.warnings]
+    except DesatError as refusal:
+        code, lines = refusal.code, str(refusal).splitlines()
     assert code == Exit.INPUT
     place = (
         r"(source|wheels): theirs.fmu(/|: not as FMI wants it: )modelDescription.xml"
@@ -164,23 +164,25 @@ def test_a_variable_that_the_standard_does_not_allow_is_named_in_a_line(
 
 def test_each_command_and_option_is_in_a_seed():
     """Also those that are added; and no seed is of a command or an option that is gone."""
-    known = tree.every_command()
+    all_commands = tree.every_command()
     there = {
         (place, name)
-        for place, command in known.items()
+        for place, command in all_commands.items()
         for o in tree.options_in(command)
         for name in (*o.opts, *o.secondary_opts)
     }
-    seen, commands_seen = set(), set()
+    seed_options, commands_seen = set(), set()
     for line in (*commands.QUICK, *commands.SLOW):
         words = shlex.split(line)
         names = (" ".join(words[:2]), words[0], f"{words[0]} run")
-        place = next(name for name in names if name in known)
+        place = next(name for name in names if name in all_commands)
         commands_seen.add(place)
-        seen |= {(place, w) for w in words if re.fullmatch("--?[a-z][a-z-]*", w)}
-    assert commands_seen == set(known)
-    assert there - seen == set()
-    assert seen - there == set()
+        seed_options |= {
+            (place, w) for w in words if re.fullmatch("--?[a-z][a-z-]*", w)
+        }
+    assert commands_seen == set(all_commands)
+    assert there - seed_options == set()
+    assert seed_options - there == set()
 
 
 def test_an_option_that_is_added_is_in_a_seed_at_once():
@@ -197,6 +199,6 @@ def test_an_option_that_is_added_is_in_a_seed_at_once():
 def test_changed_command_lines_never_are_a_bug(tmp_path):
     folder = tmp_path / "in"
     folder.mkdir()
-    tried, wrong = commands.run(folder, SEED, LINES)
+    line_count, wrong = commands.run(folder, SEED, LINES)
     assert wrong == []
-    assert tried == LINES + len(commands.QUICK)
+    assert line_count == LINES + len(commands.QUICK)

@@ -162,8 +162,10 @@ def lines_of(
     words = ARGUMENTS.get(place, "TARGET").replace("TARGET", target)
     begin = [*place.split(), *shlex.split(words)]
     options = options_in(command)
-    required = [w for o in options if o.required for w in words_of(o, o.opts[0], place)]
-    always = [*shlex.split(ALWAYS.get(place, "")), *required]
+    required_words = [
+        w for o in options if o.required for w in words_of(o, o.opts[0], place)
+    ]
+    always = [*shlex.split(ALWAYS.get(place, "")), *required_words]
     if with_flights:
         short = [o for o in options if o.opts[0] in FLIGHT]
         always += [w for o in short for w in words_of(o, o.opts[0], place)]
@@ -187,7 +189,7 @@ def _start_of(name: str) -> list[str]:
     return shlex.split(STARTS.get(name, orbit))
 
 
-def generated(
+def generate_lines(
     target: str, with_flights: bool = False, only: Sequence[str] = ()
 ) -> tuple[str, ...]:
     """Return command lines of all commands, or of some, with all of their options.
@@ -202,9 +204,9 @@ def generated(
     only
         Names of commands; by default all.
     """
-    known = every_command()
+    all_commands = every_command()
     return tuple(
         line
-        for place in only or known
-        for line in lines_of(place, known[place], target, with_flights)
+        for place in only or all_commands
+        for line in lines_of(place, all_commands[place], target, with_flights)
     )

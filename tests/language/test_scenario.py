@@ -63,13 +63,13 @@ label = "A"
 
 
 def _clear() -> None:
-    for cached in (
+    for cached_function in (
         scenario.families,
         scenario.cells,
         scenario.survey,
         scenario.scenarios,
     ):
-        cached.cache_clear()
+        cached_function.cache_clear()
 
 
 @pytest.fixture
@@ -94,18 +94,20 @@ def family(tmp_path, monkeypatch):
     _clear()
 
 
-def listed() -> str:
+def list_problems() -> str:
     """What `desat list` says is wrong."""
     return "\n".join(explain.readable(None)[1])
 
 
-def checked(name: str = "f/t-a") -> str:
+def check_scenario(name: str = "f/t-a") -> str:
     """What `desat check` says is wrong with the words and names of a scenario."""
     try:
-        found = scenario.find(name)
-        draft = build(found, Options(blocks=True))
-        wrong = validation.content_problems(found.content, draft.components)
-        draft.problems += [f"{found.place(path)}: {text}" for path, text in wrong]
+        own_scenario = scenario.find(name)
+        draft = build(own_scenario, Options(blocks=True))
+        wrong = validation.content_problems(own_scenario.content, draft.components)
+        draft.problems += [
+            f"{own_scenario.place(path)}: {text}" for path, text in wrong
+        ]
     except DesatError as error:
         return str(error)
     return "\n".join(draft.problems)
@@ -113,8 +115,8 @@ def checked(name: str = "f/t-a") -> str:
 
 def test_the_sound_file_is_silent(family):
     family(t=BASE)
-    assert listed() == ""
-    assert checked() == ""
+    assert list_problems() == ""
+    assert check_scenario() == ""
 
 
 EVERYWHERE = {
@@ -318,7 +320,7 @@ def test_a_broken_scenario_is_one_line_on_run_check_and_list(
     code, lines = command("check", "f/t-a", "--blocks")
     assert code in (Exit.INPUT, Exit.UNMET)
     assert lines == [line]
-    assert checked("f/sound-a") == "", "another file's fault is not its own"
+    assert check_scenario("f/sound-a") == "", "another file's fault is not its own"
 
 
 def test_list_reads_again_what_has_changed(family, command, monkeypatch):
@@ -382,18 +384,22 @@ held = -1.0
 
 def test_all_wrong_keys_of_a_file_are_named_at_once_each_with_its_line(family):
     family(t=WRONG)
-    found = listed().splitlines()
-    assert len(found) == 21
+    problem_lines = list_problems().splitlines()
+    assert len(problem_lines) == 21
     places = [
-        re.match(r"ssp/f/scenarios/t\.toml:(\d+): ([\w.*]+): ", line) for line in found
+        re.match(r"ssp/f/scenarios/t\.toml:(\d+): ([\w.*]+): ", line)
+        for line in problem_lines
     ]
-    assert all(places), found
-    for place, line in zip(places, found, strict=True):
+    assert all(places), problem_lines
+    for place, line in zip(places, problem_lines, strict=True):
         number, key = int(place[1]), place[2]
         last = re.sub(r"\.\d+$", "", key).rpartition(".")[2]
         assert last in WRONG.splitlines()[number - 1], line
-    assert "ssp/f/scenarios/t.toml:1: stepp: unknown key; did you mean step?" in found
-    assert "ssp/f/scenarios/t.toml:9: numbers.y" not in "\n".join(found)
+    assert (
+        "ssp/f/scenarios/t.toml:1: stepp: unknown key; did you mean step?"
+        in problem_lines
+    )
+    assert "ssp/f/scenarios/t.toml:9: numbers.y" not in "\n".join(problem_lines)
 
 
 def test_a_value_that_is_refused_later_has_its_line_too(family):
@@ -404,7 +410,7 @@ def test_a_value_that_is_refused_later_has_its_line_too(family):
     )
     assert (
         "ssp/f/scenarios/t.toml:4: axes.m.a.numbers.y.measure: no measure lst"
-        in listed()
+        in list_problems()
     )
 
 
@@ -426,8 +432,8 @@ def test_a_band_by_a_number_that_is_not_there(family):
     )
     family(t=text.replace("[axes.m.a]", "[axes.method.b]"))
     line = "ssp/f/scenarios/t.toml:18: paper.firing_time.tolerance: no number firing_tim; did you"
-    assert listed().startswith(line)
-    assert checked("f/t-b") == listed()
+    assert list_problems().startswith(line)
+    assert check_scenario("f/t-b") == list_problems()
 
 
 @pytest.mark.parametrize(
@@ -447,7 +453,7 @@ def test_a_broken_design_is_one_line(family, tmp_path, text, message):
     family(t=BASE.replace("[axes.m.a]", "[design]\nfinal_momentum = 1.0\n[axes.m.a]"))
     (tmp_path / "ssp/f/design").mkdir()
     (tmp_path / "ssp/f/design/t-a.toml").write_text(text)
-    for lines in (listed(), checked()):
+    for lines in (list_problems(), check_scenario()):
         assert re.match(r"ssp/f/design/t-a\.toml(:\d+)?: ", lines)
         assert message in lines
         assert len(lines.splitlines()) == 1
@@ -455,28 +461,28 @@ def test_a_broken_design_is_one_line(family, tmp_path, text, message):
 
 def test_not_utf8_and_bases(family):
     family(t=b"title = '\xff'\n")
-    assert listed() == "ssp/f/scenarios/t.toml: not UTF-8 (byte 10)"
+    assert list_problems() == "ssp/f/scenarios/t.toml: not UTF-8 (byte 10)"
     family(t='extends = "tt"', tt='extends = "t"')
-    assert "extends itself (t -> tt -> t)" in listed()
+    assert "extends itself (t -> tt -> t)" in list_problems()
     family(t='extends = "comon"', common="abstract = true")
-    assert listed().endswith("extends: no file comon.toml; did you mean common?")
+    assert list_problems().endswith("extends: no file comon.toml; did you mean common?")
     family(
         t='extends = "base"',
         base='abstract = true\n[numbers.x]\nsignal = "a.b"\nunt = "s"',
     )
-    assert listed().startswith(
+    assert list_problems().startswith(
         "ssp/f/scenarios/base.toml:4: numbers.x.unt: unknown key"
     ), "once"
 
 
 def _paths(data: dict, path: tuple = ()) -> list[tuple]:
-    found = []
+    paths = []
     for key, value in data.items():
-        found += [
+        paths += [
             (*path, key),
             *(_paths(value, (*path, key)) if isinstance(value, dict) else []),
         ]
-    return found
+    return paths
 
 
 def _toml(value) -> str:
@@ -516,8 +522,8 @@ def test_no_broken_file_meets_a_bug_or_silence(family, data):
     owner = table
     for key in path[:-1]:
         owner = owner[key]
-    renamed = data.draw(st.booleans()) and path[-1] in DECLARED and len(path) != 2
-    if renamed:
+    renames_key = data.draw(st.booleans()) and path[-1] in DECLARED and len(path) != 2
+    if renames_key:
         owner[path[-1] + data.draw(st.sampled_from(["x", "_", "Q"]))] = owner.pop(
             path[-1]
         )
@@ -525,21 +531,21 @@ def test_no_broken_file_meets_a_bug_or_silence(family, data):
         owner[path[-1]] = data.draw(VALUES)
     family(t="\n".join(f'"{k}" = {_toml(v)}' for k, v in table.items()))
     names = list(explain.readable(None)[0])  # anything but a DesatError is our bug
-    lines = listed() or "\n".join(checked(name) for name in names)
-    assert not renamed or "unknown key" in lines
+    lines = list_problems() or "\n".join(check_scenario(name) for name in names)
+    assert not renames_key or "unknown key" in lines
     assert lines or names
 
 
 def test_signs_and_one_of(family):
     spec = '{ signs = [0.1, 0.2, 0.3] }\n"environment.phase" = { one_of = [0.5, 1.5] }'
     family(t=BASE.replace("{ direction = 2.0 }", spec))
-    assert checked() == ""
+    assert check_scenario() == ""
     system = build(scenario.find("f/t-a"), Options(blocks=True))
-    found = [draw_of(system, 1, i) for i in range(40)]
-    h = np.array([d["spacecraft.h_start_body"] for d in found])
+    draws = [draw_of(system, 1, i) for i in range(40)]
+    h = np.array([d["spacecraft.h_start_body"] for d in draws])
     assert np.array_equal(np.abs(h), np.tile([0.1, 0.2, 0.3], (40, 1)))
     assert len({tuple(row) for row in np.sign(h)}) == 8
-    assert {d["environment.phase"] for d in found} == {0.5, 1.5}
+    assert {d["environment.phase"] for d in draws} == {0.5, 1.5}
 
 
 def test_first_below_and_time_of():
@@ -615,10 +621,10 @@ def test_numbers_of_derived_quantities():
         "measure": "largest",
         "unit": "rad",
     }
-    found = evaluate(
+    roll_value = evaluate(
         language.Number(**number), run.results, run.manifest.parameters
     ).value
-    assert found == pytest.approx(np.radians(roll), rel=1e-12)
+    assert roll_value == pytest.approx(np.radians(roll), rel=1e-12)
     number |= {"measure": "until_below", "options": {"limit": 1e9}, "unit": "min"}
     assert (
         evaluate(language.Number(**number), run.results, run.manifest.parameters).value
@@ -659,17 +665,17 @@ def test_commands(desat):
     assert "final_momentum" in desat("help", "keys", "design", check=True).stdout
     assert "first_below" in desat("help", "measures", check=True).stdout
     assert "$defs" in desat("help", "keys", "--schema", check=True).stdout
-    shown = desat("show", "uosat12/table3-ocdc-ilqr-1", check=True).stdout
-    assert "axes.method.ocdc" in shown
+    listing = desat("show", "uosat12/table3-ocdc-ilqr-1", check=True).stdout
+    assert "axes.method.ocdc" in listing
     assert "plot" in desat("help", "keys", "plt").stderr
 
 
 def test_each_value_that_is_shown_comes_from_a_file(desat):
-    shown = json.loads(
+    rows = json.loads(
         desat("show", "uosat12/table3-ocdc-ilqr-1", "--json", check=True).stdout
     )
-    assert all((ROOT / row["from"]).is_file() for row in shown)
-    (step,) = [row for row in shown if row["key"] == "step"]
+    assert all((ROOT / row["from"]).is_file() for row in rows)
+    (step,) = [row for row in rows if row["key"] == "step"]
     assert step == {
         "key": "step",
         "value": 10.0,

@@ -26,12 +26,12 @@ def step(
     x: tuple[float, ...], p: tuple[float, ...], b: Vec3, model: Vec3
 ) -> tuple[tuple[float, ...], tuple[float, ...], float]:
     """Return (x, P) after a measured direction, whose own error is only considered."""
-    size, expected = norm(b), scale(1.0 / norm(model), model)
+    size, direction = norm(b), scale(1.0 / norm(model), model)
     return attitude_error.update(
         x,
         p,
         scale(1.0 / size, b),
-        rotate(attitude_error.rotation(x), expected),
+        rotate(attitude_error.rotation(x), direction),
         (NOISE / size) ** 2,
         attitude_error.ANGLES,
     )
@@ -120,14 +120,16 @@ def test_an_attitude_that_is_off_costs_little(
 ) -> None:
     """Roll off by 5 deg, yaw by 10 deg; the native FMU has the bits of the block."""
     values = {"spacecraft.q_bo": q_bo}
-    found = {}
+    excess_times = {}
     for name, spread in (("learnt", 0.02), ("as it is", 0.0)):
         options = Options(values=values | {"manager.field_spread": spread})
         run = execute("uosat12/predictive-nominal", options, tmp_path / name)
         numbers = run.manifest.numbers
         assert numbers["final_momentum"].value < 0.01
-        found[name] = numbers["firing_time"].value - numbers["bound_same_end"].value
-    assert found["learnt"] < min(1.0, found["as it is"])
+        excess_times[name] = (
+            numbers["firing_time"].value - numbers["bound_same_end"].value
+        )
+    assert excess_times["learnt"] < min(1.0, excess_times["as it is"])
     native, block = (
         execute(
             "uosat12/predictive-nominal",

@@ -134,13 +134,13 @@ def test_the_shortest_dipole_along_a_line_within_the_limits(u):
     within is not shorter."""
     rng, limit = np.random.default_rng(5), np.array([3.0, 1.0, 2.0])
     for m in rng.uniform(-1.0, 1.0, (40, 3)) * limit:
-        found = np.array(blending._nearest_along(tuple(m), u, tuple(limit)))
-        assert (np.abs(found) <= limit).all()
-        assert np.linalg.norm(np.cross(found - m, u)) < 1e-12
+        nearest = np.array(blending._nearest_along(tuple(m), u, tuple(limit)))
+        assert (np.abs(nearest) <= limit).all()
+        assert np.linalg.norm(np.cross(nearest - m, u)) < 1e-12
         for s in (-1e-3, 1e-3):
-            moved = found + s * np.array(u)
-            within = (np.abs(moved) <= limit).all()
-            assert not within or moved @ moved >= found @ found - 1e-12
+            neighbour = nearest + s * np.array(u)
+            within = (np.abs(neighbour) <= limit).all()
+            assert not within or neighbour @ neighbour >= nearest @ nearest - 1e-12
 
 
 def test_coils_that_are_off_are_allowed():

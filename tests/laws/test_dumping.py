@@ -101,9 +101,9 @@ def test_ilqr_is_the_riccati_solution(h, omega, g_rate, n_con):
     k = solve_continuous_are(w, np.eye(3), g_rate**2 * np.eye(3), np.eye(3))
     assert np.allclose(k, g_rate * np.eye(3), atol=1e-12)
     g = np.linalg.solve((w - k).T, k @ n_con)
-    expected = -k @ h + g
+    riccati_dipole = -k @ h + g
     assert np.allclose(
-        dumping.ilqr(h, omega, g_rate, n_con), expected, rtol=1e-9, atol=1e-14
+        dumping.ilqr(h, omega, g_rate, n_con), riccati_dipole, rtol=1e-9, atol=1e-14
     )
 
 
@@ -138,9 +138,9 @@ def test_lqr_solves_equation_11_backwards():
     assert np.allclose(offsets, solution[9:].T, rtol=1e-6, atol=1e-9)
     h = np.array([1.0, 2.0, -1.0])
     for i, t in enumerate(times):
-        expected = -solution[:9, i].reshape(3, 3) @ h + solution[9:, i]
-        found = dumping.lqr(tuple(h), g_rate, horizon - t, tuple(offsets[i]))
-        assert np.allclose(found, expected, rtol=1e-6, atol=1e-9)
+        backward_dipole = -solution[:9, i].reshape(3, 3) @ h + solution[9:, i]
+        dipole = dumping.lqr(tuple(h), g_rate, horizon - t, tuple(offsets[i]))
+        assert np.allclose(dipole, backward_dipole, rtol=1e-6, atol=1e-9)
 
 
 @given(st.tuples(number, number, number), rate, torque, st.floats(100, 3000))

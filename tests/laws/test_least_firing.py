@@ -35,14 +35,14 @@ def test_a_plan_is_proved_by_its_price(seed):
     assert np.all(plan.on_time <= longest[:, None] + 1e-9)
     assert np.abs(plan.dipole).max(initial=0.0) <= 1.0 + 1e-9
     gain = longest[:, None] * np.maximum(thrust @ plan.price - 1.0, 0.0)
-    proved = plan.price @ impulse - gain.sum() - np.abs(dipole @ plan.price).sum()
-    assert proved == pytest.approx(plan.seconds, abs=1e-6)
+    dual_value = plan.price @ impulse - gain.sum() - np.abs(dipole @ plan.price).sum()
+    assert dual_value == pytest.approx(plan.seconds, abs=1e-6)
     assert plan.seconds <= other + 1e-9
     step = 1e-6 * np.array([1.0, -2.0, 1.5])
-    moved = least_firing(impulse + step, thrust, longest, dipole)
-    assert moved is not None
+    neighbour = least_firing(impulse + step, thrust, longest, dipole)
+    assert neighbour is not None
     # the least seconds are convex in the impulse
-    assert moved.seconds >= plan.seconds + plan.price @ step - 1e-9
+    assert neighbour.seconds >= plan.seconds + plan.price @ step - 1e-9
 
 
 def test_too_much_has_no_plan(capfd):

@@ -15,8 +15,8 @@ def test_the_condition_is_that_of_the_eigenvalues():
     for root in rng.normal(size=(50, 3, 3)):
         m = root @ root.T
         values = np.linalg.eigvalsh(m)
-        found = momentum_management.condition(tuple(m.ravel()))
-        assert found == pytest.approx(values[-1] / values[0], rel=1e-6)
+        condition_number = momentum_management.condition(tuple(m.ravel()))
+        assert condition_number == pytest.approx(values[-1] / values[0], rel=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,7 @@ def cheapest(goal, columns, cost, most) -> float | None:
     tight = dict.fromkeys(
         ("primal_feasibility_tolerance", "dual_feasibility_tolerance"), 1e-10
     )
-    found = linprog(
+    solution = linprog(
         np.array(cost * 2),
         A_eq=np.hstack([matrix, -matrix]),
         b_eq=goal,
@@ -54,7 +54,7 @@ def cheapest(goal, columns, cost, most) -> float | None:
         method="highs-ds",
         options=tight,
     )
-    return float(found.fun) if found.status == 0 else None
+    return float(solution.fun) if solution.status == 0 else None
 
 
 def as_cheap(goal, columns, cost, most) -> bool:
@@ -116,21 +116,21 @@ def test_a_plan_is_as_cheap_as_that_of_highs(
     ],
 )
 def test_the_plans_of_a_run_are_as_cheap(scenario, h, monkeypatch):
-    found = []
+    comparisons = []
 
-    def compared(columns, cost, most, goal):
-        found.append(as_cheap(goal, columns, cost, most))
+    def compare_effort(columns, cost, most, goal):
+        comparisons.append(as_cheap(goal, columns, cost, most))
         return least_effort(columns, cost, most, goal)
 
-    monkeypatch.setattr(receding_horizon, "least_effort", compared)
+    monkeypatch.setattr(receding_horizon, "least_effort", compare_effort)
     execute(
         f"uosat12/{scenario}",
         Options(blocks=True, values={"spacecraft.h_start_body": h} if h else {}),
     )
-    assert found.count(True) == (60 if h else 120), (
+    assert comparisons.count(True) == (60 if h else 120), (
         "without the reserve, and with it if that can be"
     )
-    assert False in found, (
+    assert False in comparisons, (
         "where the reserve is needed the first programmes have no plan"
     )
 
@@ -143,10 +143,10 @@ def test_a_plan_that_is_unique_is_that_of_highs():
     goal = (30.0, -20.0, 50.0)
     x = least_effort(columns, cost, most, goal)
     matrix = np.array(columns).T
-    found = linprog(
+    solution = linprog(
         cost * 2, A_eq=np.hstack([matrix, -matrix]), b_eq=goal, bounds=(0, 1)
     )
-    assert x == pytest.approx(found.x[:300] - found.x[300:], abs=1e-9)
+    assert x == pytest.approx(solution.x[:300] - solution.x[300:], abs=1e-9)
 
 
 @pytest.mark.parametrize("case", [1, 2, 3])
@@ -242,12 +242,12 @@ def test_the_end_may_be_a_bias():
     )
     h = run.results.values("spacecraft.h_copy_wheel")[-1, :3]
     assert h == pytest.approx(target, abs=0.002)
-    found = lower_bound.of_run(run.manifest, run.results)
-    assert found.final_momentum <= 0.002
-    assert found.seconds <= 1.01 * found.least
+    lower = lower_bound.of_run(run.manifest, run.results)
+    assert lower.final_momentum <= 0.002
+    assert lower.seconds <= 1.01 * lower.least
 
 
-def begun(name, **parameters):
+def initialise_block(name, **parameters):
     block = block_class(name)()
     for key, value in parameters.items():
         assert hasattr(block, key)
@@ -262,11 +262,11 @@ def test_the_field_ahead_is_the_environments(model):
     """A manager's own models, on two-body motion, against the environments' blocks."""
     choices = ("orbit_dipole", "dipole", "igrf")
     if model == "orbit_dipole":
-        environment = begun(
+        environment = initialise_block(
             "environment_orbit_dipole", inclination=1.2, raan=0.7, phase=0.4
         )
     else:
-        environment = begun(
+        environment = initialise_block(
             "environment_kepler",
             semi_major_axis=7.1e6,
             eccentricity=0.01,
@@ -278,7 +278,7 @@ def test_the_field_ahead_is_the_environments(model):
             epoch_j2000=8.2e8,
         )
     environment.output(0.0)
-    manager = begun(
+    manager = initialise_block(
         "manager_receding_horizon",
         field_model=choices.index(model),
         igrf_degree=6,
@@ -296,19 +296,19 @@ def test_the_field_ahead_is_the_environments(model):
         t = 10.0 * k + 5.0
         environment.advance(t - 10.0, 10.0)  # keeps its nodes
         environment.output(t)
-        expected = rotate(q[k + 1], environment.b_eci)
-        assert ahead[k] == pytest.approx(expected, abs=2e-10)
+        body_field = rotate(q[k + 1], environment.b_eci)
+        assert ahead[k] == pytest.approx(body_field, abs=2e-10)
 
 
 def test_a_plan_needs_samples():
     with pytest.raises(BlockError, match="sample_time = 0 s"):
-        begun("manager_receding_horizon", sample_time=0.0)
+        initialise_block("manager_receding_horizon", sample_time=0.0)
     with pytest.raises(
         BlockError, match=r"horizon = 600 s is more than 600 samples of .* 0.9 s"
     ):
-        begun("manager_receding_horizon", sample_time=0.9)
+        initialise_block("manager_receding_horizon", sample_time=0.9)
     with pytest.raises(BlockError, match=r"epoch_j2000 = 3150000000 s"):
-        begun("manager_receding_horizon", field_model=2, epoch_j2000=3.15e9)
+        initialise_block("manager_receding_horizon", field_model=2, epoch_j2000=3.15e9)
 
 
 @pytest.mark.parametrize("start", [1, 2, 3])
@@ -343,8 +343,8 @@ def test_a_plan_fires_against_a_known_torque():
         PERIOD,
     )
     assert step is not None
-    expected = [-(a + PERIOD * n) / 0.04 for a, n in zip(h, n_con, strict=True)]
-    assert step[1] == pytest.approx(expected, abs=1e-6)
+    on_times = [-(a + PERIOD * n) / 0.04 for a, n in zip(h, n_con, strict=True)]
+    assert step[1] == pytest.approx(on_times, abs=1e-6)
 
 
 def test_a_plan_that_knows_the_torque_stands_on_the_bound():
@@ -413,19 +413,19 @@ def test_the_reserve_is_not_kept_at_any_price(price, on_x, on_z):
     )
 
 
-@pytest.mark.parametrize(("seen", "h"), [(False, 0.5), (True, 50.0)])
-def test_what_is_done_without_a_plan(seen, h):
+@pytest.mark.parametrize(("is_valid", "h"), [(False, 0.5), (True, 50.0)])
+def test_what_is_done_without_a_plan(is_valid, h):
     """No field: thrusters alone give -h rate, with a rate that is enough for the time
     that is left. A field, but more momentum than any plan can take: coils help, and no
     thruster gives more than its share of a sample."""
     block = fresh("manager_receding_horizon")
     block.horizon, block.g_rate = 100.0, 1e-4
     begin(block)
-    block.b_body, block.valid_b = (2e-5, 0.0, 3e-5), seen
+    block.b_body, block.valid_b = (2e-5, 0.0, 3e-5), is_valid
     torque, (m, n_t) = block.dump(0.0, 50.0, (0.0, h, 0.01))
     assert block.mode == 3
     most = block.thruster_duty * block.tau_level[1]
-    if seen:
+    if is_valid:
         assert n_t[1] == pytest.approx(-most)
         assert np.cross(m, block.b_body)[1] < 0.0
     else:
@@ -464,8 +464,8 @@ def test_the_fit_finds_attitude_scale_and_offset():
     ).T
     truth = 1.1 * model @ turn.T + np.array([1e-6, 3e-6, -2e-6])
     fit, errors = receding_horizon.NO_FIT, []
-    for b, measured in zip(model[:50], truth[:50], strict=True):
-        fit = receding_horizon.learnt(fit, tuple(b), tuple(measured))
+    for b, measurement in zip(model[:50], truth[:50], strict=True):
+        fit = receding_horizon.learnt(fit, tuple(b), tuple(measurement))
         course_ahead = tuple(tuple(x) for x in model[50:])
         ahead = receding_horizon.correct_fields(fit, course_ahead, 0.1, 1e-6)
         errors.append(np.abs(np.array(ahead) - truth[50:]).max())
@@ -514,8 +514,8 @@ def test_the_gravity_gradient_of_later_is_that_of_free_fall():
         UPRIGHT,
     )
     (r, _), *_ = receding_horizon.coast(block.r_eci, block.v_eci, (120.0,))
-    expected = torques.gravity_gradient(r, block._inertia)
-    assert block._gravity_in(120.0) == pytest.approx(expected, rel=2e-3)
+    gravity_torque = torques.gravity_gradient(r, block._inertia)
+    assert block._gravity_in(120.0) == pytest.approx(gravity_torque, rel=2e-3)
 
 
 def test_a_field_that_turns_with_the_earth():

@@ -28,7 +28,7 @@ from tests.conftest import ROOT, python
 def _do(
     *command: str | Path, code: int = 0, **options: object
 ) -> subprocess.CompletedProcess[str]:
-    done = subprocess.run(
+    process = subprocess.run(
         [str(c) for c in command],
         capture_output=True,
         text=True,
@@ -36,8 +36,8 @@ def _do(
         check=False,
         **options,
     )
-    assert done.returncode == code, done.stdout + done.stderr
-    return done
+    assert process.returncode == code, process.stdout + process.stderr
+    return process
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +85,7 @@ def home(tmp_path_factory):
 
 
 @pytest.fixture
-def installed(home, cached_fmus, tmp_path):
+def run_installed(home, cached_fmus, tmp_path):
     """Run a program of the environment from an empty folder; the cache is in `home`."""
     environment = {
         k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "DESAT"))
@@ -93,14 +93,14 @@ def installed(home, cached_fmus, tmp_path):
     environment["DESAT_CACHE"] = str(home / "cache")
 
     def run(program: str, *arguments: str, code: int = 0) -> str:
-        done = _do(
+        process = _do(
             home / "env" / "bin" / program,
             *arguments,
             cwd=tmp_path,
             env=environment,
             code=code,
         )
-        return done.stderr if code else done.stdout
+        return process.stderr if code else process.stdout
 
     return run
 
@@ -134,18 +134,18 @@ def cached_fmus(home) -> Path:
 
 
 @pytest.mark.slow
-def test_from_an_empty_folder(home, installed, cached_fmus, tmp_path):
+def test_from_an_empty_folder(home, run_installed, cached_fmus, tmp_path):
     """All scenarios are there, a run and a paper's tables work, nothing is written
     beside them; the wheel builds FMUs with the checkout's bytes."""
     place = Path(
-        installed("python", "-c", "import desat; print(desat.__file__)").strip()
+        run_installed("python", "-c", "import desat; print(desat.__file__)").strip()
     ).parent
     assert place.is_relative_to(home / "env")
     before = _contents(place)
-    names = [s["name"] for s in json.loads(installed("desat", "list", "--json"))]
+    names = [s["name"] for s in json.loads(run_installed("desat", "list", "--json"))]
     assert names == list(scenarios())
     result = json.loads(
-        installed(
+        run_installed(
             "desat",
             "run",
             "integrated/mil-nadir",
@@ -158,24 +158,28 @@ def test_from_an_empty_folder(home, installed, cached_fmus, tmp_path):
     assert result["status"] == "completed"
     assert result["end_time"] == 600.0
     assert (tmp_path / result["report"]).is_file()
-    rows = json.loads(installed("desat", "tables", "uosat12", "--json"))["rows"]
+    rows = json.loads(run_installed("desat", "tables", "uosat12", "--json"))["rows"]
     assert len(rows) > 50
     assert any(row["draws"] for row in rows)
     assert _contents(place) == before
     assert [p.name for p in cached_fmus.parent.iterdir()] == ["fmus"]
-    built = {
+    cached_bytes = {
         p.relative_to(cached_fmus).as_posix(): p.read_bytes()
         for p in cached_fmus.rglob("*.fmu")
     }
-    assert {f"{k}{n}.fmu" for k in ("", "native/") for n in BUILT} <= built.keys()
-    assert {n for n in built if "/" not in n} == {f"{n}.fmu" for n in registry.names()}
-    assert built == {
-        n: (paths.fmus() / n).read_bytes() for n in built
+    assert {
+        f"{k}{n}.fmu" for k in ("", "native/") for n in BUILT
+    } <= cached_bytes.keys()
+    assert {n for n in cached_bytes if "/" not in n} == {
+        f"{n}.fmu" for n in registry.names()
+    }
+    assert cached_bytes == {
+        n: (paths.fmus() / n).read_bytes() for n in cached_bytes
     }  # the checkout's bytes
 
 
 @pytest.mark.slow
-def test_from_python(installed):
+def test_from_python(run_installed):
     """`import desat` imports nothing heavy and offers run, load, draws and tables."""
     code = """
 import json
@@ -192,14 +196,14 @@ print(run.results.values("spacecraft.h_copy_wheel").shape)
 drawn = desat.draws(name, 2, stop=100.0)
 print(len(drawn["draws"]))
 """
-    assert installed("python", "-c", code).split("\n")[:2] == ["(11, 4)", "2"]
+    assert run_installed("python", "-c", code).split("\n")[:2] == ["(11, 4)", "2"]
 
 
 @pytest.mark.slow
-def test_what_needs_a_checkout_says_so(installed, tmp_path):
-    outcome = installed("desat", "design", "uosat12/fig2-mec-1", code=2)
+def test_what_needs_a_checkout_says_so(run_installed, tmp_path):
+    outcome = run_installed("desat", "design", "uosat12/fig2-mec-1", code=2)
     assert outcome.strip().endswith("--out FILE writes elsewhere")
-    installed("desat", "design", "uosat12/fig2-mec-1", "--out", "mine.toml")
+    run_installed("desat", "design", "uosat12/fig2-mec-1", "--out", "mine.toml")
     assert (tmp_path / "mine.toml").is_file()
 
 
@@ -221,14 +225,14 @@ def newcomer(home, cached_fmus, tmp_path):
     environment["DESAT_CACHE"] = str(home / "cache")
 
     def command(line: str, code: int = 0) -> str:
-        done = _do(
+        process = _do(
             home / "env" / "bin" / "desat",
             *shlex.split(line),
             cwd=tmp_path,
             env=environment,
             code=code,
         )
-        return done.stdout
+        return process.stdout
 
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     command(
@@ -274,10 +278,10 @@ def test_a_newcomer_is_sure_by_a_campaign(newcomer, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_pages_of_the_wheel_have_what_they_link_to(installed):
+def test_the_pages_of_the_wheel_have_what_they_link_to(run_installed):
     """Other pages, pictures and the table of interfaces."""
     code = "from desat.files import paths; print(paths.PAGES)"
-    pages = Path(installed("python", "-c", code).strip())
+    pages = Path(run_installed("python", "-c", code).strip())
     missing = {
         f"{page.relative_to(pages)}: {link}"
         for page in pages.rglob("*.md")
@@ -310,9 +314,9 @@ def test_extras_bring_the_packages_that_commands_may_lack():
     for package, extra in EXTRAS.items():
         names = [re.split(r"[><=\[]", text)[0] for text in extras[extra]]
         assert package in names, package
-    needed = {re.split(r"[><=\[]", text)[0] for text in document["dependencies"]}
-    assert not needed & EXTRAS.keys()
-    assert {"fmpy", "pythonfmu", "numpy", "scipy", "matplotlib"} <= needed
+    requirements = {re.split(r"[><=\[]", text)[0] for text in document["dependencies"]}
+    assert not requirements & EXTRAS.keys()
+    assert {"fmpy", "pythonfmu", "numpy", "scipy", "matplotlib"} <= requirements
 
 
 @pytest.mark.parametrize(
@@ -334,13 +338,13 @@ def test_a_command_without_its_package_says_which_extra_brings_it(
     """Nothing is left behind; what needs no package of an extra works."""
     line = line.replace("NAME2", "uosat12/table3-ocdc-ilqr-2")
     line = line.replace("NAME", "uosat12/table3-ocdc-ilqr-1").format(tmp_path)
-    done = python(WITHOUT, *shlex.split(line))
+    script_run = python(WITHOUT, *shlex.split(line))
     if package is None:
-        assert done.returncode == 0, done.stderr
+        assert script_run.returncode == 0, script_run.stderr
         return
-    assert done.returncode == 2
+    assert script_run.returncode == 2
     extra = EXTRAS[package]
-    assert done.stderr == (
+    assert script_run.stderr == (
         f"error: this needs the package {package}, which is not installed: "
         f"`pip install 'desat[{extra}]'`\n"
     )

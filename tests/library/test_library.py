@@ -103,11 +103,11 @@ def test_the_command_line_of_options_is_one_that_run_takes() -> None:
     assert as_arguments(options) == COMMAND_LINE
     assert as_arguments(Options()) == ""
     command = get_command(app).get_command(None, "run")  # type: ignore[arg-type]
-    known = {name for x in command.params for name in x.opts}
-    assert {x for x in shlex.split(COMMAND_LINE) if x.startswith("--")} <= known
-    for declared in dataclasses.fields(Options):
-        name = declared.metadata.get("option", declared.name.replace("_", "-"))
-        assert not name or f"--{name}" in known, declared.name
+    flags = {name for x in command.params for name in x.opts}
+    assert {x for x in shlex.split(COMMAND_LINE) if x.startswith("--")} <= flags
+    for field in dataclasses.fields(Options):
+        name = field.metadata.get("option", field.name.replace("_", "-"))
+        assert not name or f"--{name}" in flags, field.name
 
 
 def test_a_craft_is_sized_by_a_program(tmp_path) -> None:
@@ -172,26 +172,26 @@ def test_a_craft_is_begun_compared_and_tuned_by_a_program(tmp_path) -> None:
         f.name for f in dataclasses.fields(CraftFacts)
     }
     assert library.scenario(craft).loc["stop", "value"] == 86400.0
-    compared = library.compare(craft, f"{craft}/worst.toml", stop=120.0)
-    frame = compared.numbers
+    comparison = library.compare(craft, f"{craft}/worst.toml", stop=120.0)
+    frame = comparison.numbers
     assert frame.loc["pointing", f"less {craft}/worst.toml"] == (
         frame.loc["pointing", craft] - frame.loc["pointing", f"{craft}/worst.toml"]
     )
-    ranked = library.compare(craft, laws=["ccpl"], by="peak", stop=600.0)
-    assert "least fill" in ranked.answer
-    assert len(ranked.numbers) == 2
-    tuned = library.tune(
+    ranking = library.compare(craft, laws=["ccpl"], by="peak", stop=600.0)
+    assert "least fill" in ranking.answer
+    assert len(ranking.numbers) == 2
+    tuning = library.tune(
         craft, "manager.gain", "coil_duty", stop=60.0, count=1, unseen=6
     )
-    assert tuned.best < tuned.own
-    for result in (compared, ranked, tuned):
+    assert tuning.best < tuning.own
+    for result in (comparison, ranking, tuning):
         assert len(repr(result)) <= 1000
 
 
 def test_each_public_name_is_on_the_page_of_python() -> None:
     page = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
-    shown = set(re.findall(r":: desat\.(\w+)", page))
-    assert shown == set(library.__all__)
+    page_names = set(re.findall(r":: desat\.(\w+)", page))
+    assert page_names == set(library.__all__)
 
 
 # --- what a program gives -------------------------------------------------------------
@@ -210,10 +210,10 @@ def test_each_public_name_is_on_the_page_of_python() -> None:
         [np.float64(1e-3), 2e-3, np.int64(0) + 3e-3, 0],
     ],
 )
-@pytest.mark.parametrize("nested", [True, False])
-def test_values_are_given_as_programs_have_them(value, nested) -> None:
+@pytest.mark.parametrize("is_nested", [True, False])
+def test_values_are_given_as_programs_have_them(value, is_nested) -> None:
     name = "h_start_wheel"
-    sets = {"wheels": {name: value}} if nested else {f"wheels.{name}": value}
+    sets = {"wheels": {name: value}} if is_nested else {f"wheels.{name}": value}
     run = library.run(DAY, sets, stop=2.0)
     assert run["wheels.h_wheel"][0].tolist() == [1e-3, 2e-3, 3e-3, 0.0]
 
@@ -268,9 +268,9 @@ def test_numbers_of_numpy_are_numbers() -> None:
     ],
 )
 def test_values_of_another_form_are_named(sets, message) -> None:
-    with pytest.raises(DesatError) as raised:
+    with pytest.raises(DesatError) as error:
         library.run(DAY, sets, stop=2.0)
-    assert message in str(raised.value)
+    assert message in str(error.value)
 
 
 def test_near_names_are_those_of_the_call_too() -> None:
@@ -295,10 +295,10 @@ def test_a_run_gives_its_series_in_every_form(tmp_path) -> None:
     again = xr.open_dataset(tmp_path / "a.nc")
     assert np.array_equal(again["wheels.h_wheel"], run["wheels.h_wheel"])
     assert again["manager.mode"].attrs["choices"].startswith("idle, ")
-    loaded = library.load(tmp_path / "a")
-    assert isinstance(loaded, library.Run)
-    assert loaded["wheels.h_wheel"].tolist() == run["wheels.h_wheel"].tolist()
-    assert loaded.numbers.equals(run.numbers)
+    stored_run = library.load(tmp_path / "a")
+    assert isinstance(stored_run, library.Run)
+    assert stored_run["wheels.h_wheel"].tolist() == run["wheels.h_wheel"].tolist()
+    assert stored_run.numbers.equals(run.numbers)
 
 
 def test_a_run_in_memory_needs_a_folder_for_files(tmp_path) -> None:

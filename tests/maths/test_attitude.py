@@ -53,9 +53,9 @@ def test_rotation_about_is_the_exponential(rate, t):
 @given(quaternion, vec3)
 def test_attitude_matrix_rotates_as_scipy_backwards(q, v):
     # scipy's rotation turns vectors; ours turns frames, so it is the inverse
-    expected = Rotation.from_quat(q).inv().apply(v)
-    assert np.allclose(attitude.rotate(q, v), expected, atol=1e-12)
-    assert np.allclose(vector.mat_vec(attitude.matrix(q), v), expected, atol=1e-12)
+    scipy_vector = Rotation.from_quat(q).inv().apply(v)
+    assert np.allclose(attitude.rotate(q, v), scipy_vector, atol=1e-12)
+    assert np.allclose(vector.mat_vec(attitude.matrix(q), v), scipy_vector, atol=1e-12)
     assert np.allclose(attitude.rotate_back(q, attitude.rotate(q, v)), v, atol=1e-12)
 
 
@@ -70,11 +70,11 @@ def test_product_composes(a, b):
 
 @given(quaternion)
 def test_from_matrix_inverts_matrix(q):
-    found = attitude.from_matrix(attitude.matrix(q))
-    assert abs(sum(x * y for x, y in zip(found, q, strict=True))) == pytest.approx(
+    quaternion = attitude.from_matrix(attitude.matrix(q))
+    assert abs(sum(x * y for x, y in zip(quaternion, q, strict=True))) == pytest.approx(
         1, abs=1e-12
     )
-    assert found[3] >= 0
+    assert quaternion[3] >= 0
 
 
 @given(quaternion, vec3, st.floats(0, 3))
@@ -90,5 +90,7 @@ def test_propagated_solves_the_kinematics(q, omega, t):
 
 @given(quaternion, st.floats(1e-6, math.pi - 1e-6))
 def test_error_angle(q, angle):
-    turned = attitude.product((math.sin(angle / 2), 0, 0, math.cos(angle / 2)), q)
-    assert attitude.error_angle(turned, q) == pytest.approx(angle, abs=1e-9)
+    rotated_attitude = attitude.product(
+        (math.sin(angle / 2), 0, 0, math.cos(angle / 2)), q
+    )
+    assert attitude.error_angle(rotated_attitude, q) == pytest.approx(angle, abs=1e-9)

@@ -22,10 +22,10 @@ def test_scalar_updates_are_the_update_by_a_vector(
     state = generator.normal(size=states)
     matrix = generator.normal(size=(measurements, states))
     variances = generator.uniform(0.1, 2.0, size=measurements)
-    measured = generator.normal(size=measurements)
+    measurement = generator.normal(size=measurements)
 
     x, p = state.tolist(), covariance.ravel().tolist()
-    for c, variance, y in zip(matrix, variances, measured, strict=True):
+    for c, variance, y in zip(matrix, variances, measurement, strict=True):
         product = np.reshape(p, (states, states)) @ c
         kalman.correct(
             x,
@@ -39,7 +39,7 @@ def test_scalar_updates_are_the_update_by_a_vector(
     innovation = matrix @ covariance @ matrix.T + np.diag(variances)
     gain = covariance @ matrix.T @ np.linalg.inv(innovation)
     np.testing.assert_allclose(
-        x, state + gain @ (measured - matrix @ state), rtol=1e-8, atol=1e-10
+        x, state + gain @ (measurement - matrix @ state), rtol=1e-8, atol=1e-10
     )
     np.testing.assert_allclose(
         np.reshape(p, (states, states)),
@@ -51,11 +51,11 @@ def test_scalar_updates_are_the_update_by_a_vector(
 
 @given(st.integers(0, 10_000), st.integers(1, 6), st.integers(0, 4))
 def test_states_that_are_only_considered_keep_value_and_doubt(
-    seed: int, estimated: int, considered: int
+    seed: int, estimated_states: int, considered_states: int
 ) -> None:
     """Against Joseph's form, which holds for any gain."""
     generator = np.random.default_rng(seed)
-    states = estimated + considered
+    states = estimated_states + considered_states
     factor = generator.normal(size=(states, states))
     covariance = factor @ factor.T + 0.1 * np.eye(states)
     c, variance = generator.normal(size=states), generator.uniform(0.1, 2.0)
@@ -64,13 +64,15 @@ def test_states_that_are_only_considered_keep_value_and_doubt(
     product = covariance @ c
     innovation = 0.7
     total = float(c @ product + variance)
-    kalman.correct(x, p, product.tolist(), innovation, total, estimated)
-    gain = np.where(np.arange(states) < estimated, product / total, 0.0)
+    kalman.correct(x, p, product.tolist(), innovation, total, estimated_states)
+    gain = np.where(np.arange(states) < estimated_states, product / total, 0.0)
     remainder = np.eye(states) - np.outer(gain, c)
     np.testing.assert_allclose(x, before + gain * innovation, rtol=1e-12, atol=1e-14)
     after = np.reshape(p, (states, states))
-    expected = remainder @ covariance @ remainder.T + variance * np.outer(gain, gain)
-    np.testing.assert_allclose(after, expected, rtol=1e-8, atol=1e-10)
+    joseph_covariance = remainder @ covariance @ remainder.T + variance * np.outer(
+        gain, gain
+    )
+    np.testing.assert_allclose(after, joseph_covariance, rtol=1e-8, atol=1e-10)
     assert np.array_equal(after, after.T)
 
 
@@ -96,9 +98,9 @@ def test_a_covariance_whose_first_states_move_is_f_p_f(
 
 def test_a_filter_is_lost_by_surprises_in_a_row_or_by_what_is_no_number() -> None:
     count = 0
-    for innovation, expected in ((6.1, 1), (6.1, 2), (5.9, 0), (6.1, 1)):
+    for innovation, surprise_count in ((6.1, 1), (6.1, 2), (5.9, 0), (6.1, 1)):
         count = kalman.count_surprises(count, kalman.surprise(innovation, 1.0))
-        assert count == expected
+        assert count == surprise_count
     for innovation, variance in (
         (1.0, 0.0),
         (1.0, -1.0),

@@ -26,10 +26,10 @@ def test_moments_of_a_lag_keep_all_digits(ratio):
     slope = 12 * sum(
         t * (Fraction(1, n + 2) - Fraction(1, 2 * (n + 1))) for n, t in enumerate(terms)
     )
-    found = moments.lag(ratio)
-    assert found[0] == pytest.approx(float(mean), rel=2e-15)
-    assert found[1] == pytest.approx(float(slope), rel=5e-14)
-    assert found[2] == pytest.approx(math.exp(-ratio), rel=1e-15)
+    lag_moments = moments.lag(ratio)
+    assert lag_moments[0] == pytest.approx(float(mean), rel=2e-15)
+    assert lag_moments[1] == pytest.approx(float(slope), rel=5e-14)
+    assert lag_moments[2] == pytest.approx(math.exp(-ratio), rel=1e-15)
 
 
 @pytest.mark.parametrize("ratio", [0.3, 2.5])

@@ -25,5 +25,5 @@ def test_cross_is_numpys(a, b):
     )
 )
 def test_inverse(m):
-    expected = np.linalg.inv(np.reshape(m, (3, 3))).ravel()
-    assert np.allclose(vector.inverse(m), expected, rtol=1e-9, atol=1e-9)
+    numpy_inverse = np.linalg.inv(np.reshape(m, (3, 3))).ravel()
+    assert np.allclose(vector.inverse(m), numpy_inverse, rtol=1e-9, atol=1e-9)

@@ -74,10 +74,10 @@ class Flight:
     def axes(self, owner: str) -> np.ndarray:
         """The wheels' axes, (3, 4), columns; of ideal wheels within a craft those of
         the body."""
-        known = self.run.manifest["parameters"][owner]
+        parameters = self.run.manifest["parameters"][owner]
         return (
-            np.reshape(known["axes_wheel"]["value"], (3, 4))
-            if "axes_wheel" in known
+            np.reshape(parameters["axes_wheel"]["value"], (3, 4))
+            if "axes_wheel" in parameters
             else (np.eye(3, 4))
         )
 
@@ -116,7 +116,7 @@ class Flight:
             inertia - axes @ np.diag(spin) @ axes.T
         )  # wheels' own spin is in h, absolute
         total = omega @ body.T + self["spacecraft.h_copy_wheel"] @ axes.T
-        return np.einsum("tij,ti->tj", turned(self["spacecraft.q_bi"]), total)
+        return np.einsum("tij,ti->tj", compute_matrices(self["spacecraft.q_bi"]), total)
 
     def pointing(self, of: str = "spacecraft.q_bi") -> np.ndarray:
         """The angle from the reference, deg."""
@@ -137,7 +137,7 @@ class Flight:
         y = np.cross(v, r)
         y /= np.linalg.norm(y, axis=1)[:, None]
         frame = np.stack([np.cross(y, z), y, z], axis=1)  # rows: its axes in eci
-        c = turned(self["spacecraft.q_bi"]) @ frame.transpose(0, 2, 1)
+        c = compute_matrices(self["spacecraft.q_bi"]) @ frame.transpose(0, 2, 1)
         return {
             "roll": np.degrees(np.arcsin(np.clip(-c[:, 2, 1], -1.0, 1.0))),
             "pitch": np.degrees(np.arctan2(c[:, 2, 0], c[:, 2, 2])),
@@ -147,7 +147,7 @@ class Flight:
     def tilt(self) -> np.ndarray:
         """Cosine of the angle of the body's z axis to nadir."""
         r = self["environment.r_eci"]
-        z = turned(self["spacecraft.q_bi"])[:, 2]
+        z = compute_matrices(self["spacecraft.q_bi"])[:, 2]
         return -(z * r).sum(axis=1) / np.linalg.norm(r, axis=1)
 
     def rate(self) -> np.ndarray:
@@ -203,7 +203,7 @@ class Flight:
         return each.sum(axis=1) * self.seconds(mean)
 
 
-def turned(q: np.ndarray) -> np.ndarray:
+def compute_matrices(q: np.ndarray) -> np.ndarray:
     """Body from eci, (rows, 3, 3), of quaternions with the scalar last."""
     x, y, z, w = q.T
     rows = [
@@ -216,7 +216,7 @@ def turned(q: np.ndarray) -> np.ndarray:
 
 def rotation(q: np.ndarray, r: np.ndarray) -> np.ndarray:
     """Rotation vectors (deg) of the turn from attitude r to q, by their matrices."""
-    c = turned(q) @ turned(r).transpose(0, 2, 1)
+    c = compute_matrices(q) @ compute_matrices(r).transpose(0, 2, 1)
     across = np.stack(
         [c[:, 1, 2] - c[:, 2, 1], c[:, 2, 0] - c[:, 0, 2], c[:, 0, 1] - c[:, 1, 0]]
     )
@@ -241,7 +241,7 @@ def first(t: np.ndarray, good: np.ndarray) -> float | None:
     return float(t[int(np.argmax(good))]) if good.any() else None
 
 
-def held(t: np.ndarray, good: np.ndarray, seconds: float) -> float | None:
+def find_hold_time(t: np.ndarray, good: np.ndarray, seconds: float) -> float | None:
     """The first time from which it is good for so long."""
     for i in np.flatnonzero(good):
         until = t[i] + seconds
@@ -294,7 +294,7 @@ def largest_angle(
     return lambda f: np.abs(f.between(f.lvlh()[name], begin, end)).max()
 
 
-def settled(since: float, end: float = math.inf) -> Callable[[Flight], Any]:
+def measure_settling(since: float, end: float = math.inf) -> Callable[[Flight], Any]:
     """Orbits after `since` until within 2.5, 2.5 and 8 deg to stay; 0 where never
     outside."""
 
@@ -328,9 +328,9 @@ def points(
     return time_of
 
 
-def detumbled(f: Flight, seconds: float = 0.0) -> float | None:
+def find_detumbling_time(f: Flight, seconds: float = 0.0) -> float | None:
     below = (np.abs(f["spacecraft.omega_bi_body"]) < 0.003).all(axis=1)
-    return times(held(f.t, below, seconds), 1 / 60)
+    return times(find_hold_time(f.t, below, seconds), 1 / 60)
 
 
 def full(number: int) -> Callable[[Flight], Any]:
@@ -338,12 +338,16 @@ def full(number: int) -> Callable[[Flight], Any]:
 
 
 def while_limited(f: Flight, level: float) -> float:
-    expected = size(f["manager.tau_des_body"])
-    rate = size(f["spacecraft.omega_bi_body"])[: len(expected)]
+    command = size(f["manager.tau_des_body"])
+    rate = size(f["spacecraft.omega_bi_body"])[: len(command)]
     limit = f.p("manager.torque_limit")
-    t = f.t[: len(expected)]
-    saved = rate[(t >= 400.0) & (t <= 7200.0) & (expected >= 0.9996 * limit)]
-    return 100.0 * np.percentile(saved, level) / (limit / f.p("manager.gain_rate"))
+    t = f.t[: len(command)]
+    rates_at_limit = rate[(t >= 400.0) & (t <= 7200.0) & (command >= 0.9996 * limit)]
+    return (
+        100.0
+        * np.percentile(rates_at_limit, level)
+        / (limit / f.p("manager.gain_rate"))
+    )
 
 
 def coil(number: int) -> Callable[[Flight], Any]:
@@ -370,8 +374,8 @@ def load_until_below(f: Flight) -> float:
     end = stays(t, fill < 11.0)
     load = f.load()
     begins = f.t[: len(load)]
-    saved = load[begins < (t[-1] if end is None else end) - 1e-6]
-    return saved.mean() if len(saved) else load[0]
+    loads_before = load[begins < (t[-1] if end is None else end) - 1e-6]
+    return loads_before.mean() if len(loads_before) else load[0]
 
 
 def orbit_of(f: Flight) -> float:
@@ -387,15 +391,15 @@ def after_two(values: np.ndarray, f: Flight) -> np.ndarray:
 
 
 def along_field(f: Flight) -> float:
-    expected, b = (
+    command, b = (
         after_two(f[n], f) for n in ("manager.tau_desired_body", "magnetometer.b_body")
     )
-    n = min(len(expected), len(b))
+    n = min(len(command), len(b))
     unit = b[:n] / size(b[:n])[:, None]
-    return 100.0 * rms((expected[:n] * unit).sum(axis=1)) / rms(size(expected[:n]))
+    return 100.0 * rms((command[:n] * unit).sum(axis=1)) / rms(size(command[:n]))
 
 
-def filled(f: Flight) -> float | None:
+def find_filling_time(f: Flight) -> float | None:
     """When the wheel has 90 % of its nominal momentum to stay."""
     h = f["wheels.h_wheel"][:, 0]
     return times(stays(f.t, h >= 0.9 * f.p("manager.h_nominal")), 1 / 60)
@@ -427,13 +431,13 @@ TITLES: dict[str, Callable[[Flight], Any] | tuple[Callable[[Flight], Any], float
     "Largest yaw rate": lambda f: math.degrees(
         np.abs(f["spacecraft.omega_bi_body"][:, 2]).max()
     ),
-    "Orbits after the first firing until within 2.5 (roll, pitch) and 8 deg (yaw) to stay": settled(
+    "Orbits after the first firing until within 2.5 (roll, pitch) and 8 deg (yaw) to stay": measure_settling(
         40000.0, 80000.0
     ),
-    "Orbits after the second firing until within 2.5 (roll, pitch) and 8 deg (yaw) to stay": settled(
+    "Orbits after the second firing until within 2.5 (roll, pitch) and 8 deg (yaw) to stay": measure_settling(
         80000.0
     ),
-    "Orbits after the fifth until within 2.5 (roll, pitch) and 8 deg (yaw) to stay": settled(
+    "Orbits after the fifth until within 2.5 (roll, pitch) and 8 deg (yaw) to stay": measure_settling(
         30642.0
     ),
     "Mean power of the wheels: 0.1 W each and what their torque takes, ours": lambda f: (
@@ -501,8 +505,10 @@ TITLES: dict[str, Callable[[Flight], Any] | tuple[Callable[[Flight], Any], float
         f.pointing(), 0.0, 1.0
     ).max(),
     "Pointing error at the end": lambda f: f.pointing()[-1],
-    "All rates below 0.003 rad/s at once": detumbled,
-    "All rates below 0.003 rad/s at once, for 60 s": lambda f: detumbled(f, 60.0),
+    "All rates below 0.003 rad/s at once": find_detumbling_time,
+    "All rates below 0.003 rad/s at once, for 60 s": lambda f: find_detumbling_time(
+        f, 60.0
+    ),
     "Wheel speed at the end, size": lambda f: RPM * abs(f["wheels.speed_wheel"][-1, 0]),
     "Energy of the coils": lambda f: f.coil_energy() / 3600.0,
     "On-time of the coils, summed: times 1 W the energy of coils that are on or off": lambda f: (
@@ -542,7 +548,7 @@ TITLES: dict[str, Callable[[Flight], Any] | tuple[Callable[[Flight], Any], float
     "Largest roll rate during the pitch spin": lambda f: np.abs(
         f.while_phase(1)[:, 0]
     ).max(),
-    "Wheel at 90 % of its nominal momentum to stay": filled,
+    "Wheel at 90 % of its nominal momentum to stay": find_filling_time,
     "Wheel at its nominal momentum": lambda f: times(
         first(f.t, f["manager.phase"][:, 0] == 4), 1 / 60
     ),
@@ -752,13 +758,15 @@ stop."""
 def definitions() -> dict[str, tuple[dict[str, Any], list[tuple[str, str]]]]:
     """Each definition of a number, and the scenarios (with its name there) that have
     it."""
-    found: dict[str, tuple[dict[str, Any], list[tuple[str, str]]]] = {}
+    definitions_by_key: dict[str, tuple[dict[str, Any], list[tuple[str, str]]]] = {}
     for scenario, content in scenarios().items():
         for name, number in content.content.written.get("numbers", {}).items():
             if "reference" not in number:
                 key = json.dumps(number, sort_keys=True)
-                found.setdefault(key, (number, []))[1].append((scenario, name))
-    return found
+                definitions_by_key.setdefault(key, (number, []))[1].append(
+                    (scenario, name)
+                )
+    return definitions_by_key
 
 
 def steps(scenario: str) -> float:
@@ -769,20 +777,20 @@ def steps(scenario: str) -> float:
 def flights() -> dict[str, list[tuple[str, dict[str, Any]]]]:
     """Scenario -> the numbers to look at in its run: few runs, short ones."""
     todo = definitions()
-    chosen: dict[str, list[tuple[str, dict[str, Any]]]] = {}
+    numbers_by_scenario: dict[str, list[tuple[str, dict[str, Any]]]] = {}
     for number, place in sorted(
         todo.values(), key=lambda x: min(steps(s) for s, _ in x[1])
     ):
         until = number.get("window", (0.0, 0.0))[1] % 1e9
         full = [w for w in place if scenarios()[w[0]].content.stop >= until]
         place = full or place
-        there = [w for w in place if w[0] in chosen]
-        expected = PREFERRED.get(number["title"])
-        if expected in dict(place):
-            there = [w for w in place if w[0] == expected]
+        there = [w for w in place if w[0] in numbers_by_scenario]
+        preferred_scenario = PREFERRED.get(number["title"])
+        if preferred_scenario in dict(place):
+            there = [w for w in place if w[0] == preferred_scenario]
         scenario, name = min(there or place, key=lambda w: steps(w[0]))
-        chosen.setdefault(scenario, []).append((name, number))
-    return chosen
+        numbers_by_scenario.setdefault(scenario, []).append((name, number))
+    return numbers_by_scenario
 
 
 PREFERRED = {
@@ -833,15 +841,15 @@ def test_a_number_is_what_its_title_says(scenario, name, number):
     compute, tolerance = way if isinstance(way, tuple) else (way, CLOSE)
     message = flight.run.manifest["numbers"][name]["value"]
     try:
-        found = compute(flight)
+        own_value = compute(flight)
     except (IndexError, ValueError):  # no row of its window: nothing there
-        found = None
-    found = None if found is None or math.isnan(found) else float(found)
-    if found is not None and number["title"] in IN_SI:
-        found *= TO.get(number["unit"], 1.0)
-    assert (message is None) == (found is None), (message, found)
+        own_value = None
+    own_value = None if own_value is None or math.isnan(own_value) else float(own_value)
+    if own_value is not None and number["title"] in IN_SI:
+        own_value *= TO.get(number["unit"], 1.0)
+    assert (message is None) == (own_value is None), (message, own_value)
     if message is not None:
-        assert message == pytest.approx(found, rel=tolerance, abs=1e-9)
+        assert message == pytest.approx(own_value, rel=tolerance, abs=1e-9)
 
 
 def test_a_number_at_a_time_is_of_that_time_alone():
@@ -872,16 +880,16 @@ def left_without(f: Flight) -> tuple[float, float]:
     coils = np.vstack(
         [np.zeros(3), np.cumsum(sum(ends) / 2.0 * np.diff(f.t)[:, None], axis=0)]
     )
-    stored = f.momentum("spacecraft.h_copy_wheel")
-    without = stored - turn.inv().apply(coils)
-    return tuple(over_time(size(x)[late], f.t[late]) for x in (stored, without))
+    momentum = f.momentum("spacecraft.h_copy_wheel")
+    without = momentum - turn.inv().apply(coils)
+    return tuple(over_time(size(x)[late], f.t[late]) for x in (momentum, without))
 
 
 def standard(f: Flight) -> dict[str, Any]:
     """The standard numbers of a managed run (analyses/management.py), from their
     titles."""
     remaining, without = left_without(f)
-    stored, h = (
+    momentum, h = (
         size(f.momentum("spacecraft.h_copy_wheel")),
         f["spacecraft.h_copy_wheel"],
     )
@@ -896,17 +904,17 @@ def standard(f: Flight) -> dict[str, Any]:
     speed, steps_ = f["wheels.speed_wheel"][:, there], np.diff(f.t)
     # speeds are recorded with the body's rate of a step's begin, and limited with that
     # within
-    limited = [
+    at_limit = [
         np.abs(speed) >= f.p("wheels.speed_limit") * (1.0 - x) for x in (0.0, 1e-4)
     ]
     return {
-        "sum_rms": over_time(stored, f.t),
-        "sum_largest": stored.max(),
+        "sum_rms": over_time(momentum, f.t),
+        "sum_largest": momentum.max(),
         "null_rms": over_time(np.abs(idle).max(axis=1), f.t),
         "coil_duty": 100.0 * coils.mean() / most,
         "coil_limit_share": share((coils >= 0.999 * most).any(axis=1)),
         "momentum_margin": 100.0 - 100.0 * (np.abs(h[:, there]) / f.capacity()).max(),
-        "limit_time": tuple(steps_ @ x.any(axis=1) for x in limited),
+        "limit_time": tuple(steps_ @ x.any(axis=1) for x in at_limit),
         "crossings": changes(speed),
         "left_rms": remaining,
         "unmanaged_rms": (0.9999 * without, 1.0001 * without),
@@ -918,11 +926,11 @@ def standard(f: Flight) -> dict[str, Any]:
 )
 def test_the_standard_numbers_are_what_their_titles_say(scenario):
     f = fly(scenario)
-    found = standard(f)
-    assert found.keys() == set(management.NUMBERS) - {
+    numbers = standard(f)
+    assert numbers.keys() == set(management.NUMBERS) - {
         "least_braking"
     }  # of laws that brake
-    for name, value in found.items():
+    for name, value in numbers.items():
         message = f.run.manifest["numbers"][name]["value"]
         low, high = value if isinstance(value, tuple) else (value, value)
         assert (
@@ -1003,7 +1011,7 @@ def budget(f: Flight) -> list[np.ndarray]:
     q, b, m = f["spacecraft.q_bi"], f["environment.b_eci"], f["torquers.m_mean_body"]
     middle = q[:-1] + q[1:]
     middle /= np.linalg.norm(middle, axis=1)[:, None]
-    dipole = np.einsum("tij,ti->tj", turned(middle), m)
+    dipole = np.einsum("tij,ti->tj", compute_matrices(middle), m)
     torque = np.cross(dipole, (b[:-1] + b[1:]) / 2.0)
     coils = np.vstack([np.zeros(3), np.cumsum(torque * np.diff(f.t)[:, None], axis=0)])
     full = f["spacecraft.impulse_eci"]
@@ -1014,7 +1022,7 @@ def euler_of(f: Flight) -> list[np.ndarray]:
     """Pitch, roll and yaw from the reference, turned in this order."""
     q, r = f["spacecraft.q_bi"], f["guidance.q_ref_bi"]
     n = min(len(q), len(r))
-    c = turned(q[:n]) @ turned(r[:n]).transpose(0, 2, 1)
+    c = compute_matrices(q[:n]) @ compute_matrices(r[:n]).transpose(0, 2, 1)
     angles = (
         np.arctan2(c[:, 2, 0], c[:, 2, 2]),
         np.arcsin(np.clip(-c[:, 2, 1], -1, 1)),
@@ -1042,7 +1050,7 @@ DERIVED: dict[str, Callable[[Flight], list[np.ndarray]]] = {
 
 def plots() -> list[tuple[str, str, dict[str, Any]]]:
     """Each definition of a plot, in the shortest scenario that has it."""
-    found: dict[str, list[tuple[str, str, dict[str, Any]]]] = {}
+    plots_by_definition: dict[str, list[tuple[str, str, dict[str, Any]]]] = {}
     for scenario, content in scenarios().items():
         for name, plot in content.content.written.get("plots", {}).items():
             about = {
@@ -1059,10 +1067,12 @@ def plots() -> list[tuple[str, str, dict[str, Any]]]:
                     "norm",
                 )
             }
-            found.setdefault(json.dumps(about, sort_keys=True), []).append(
-                (scenario, name, about)
-            )
-    shortest = (min(place, key=lambda w: steps(w[0])) for place in found.values())
+            plots_by_definition.setdefault(
+                json.dumps(about, sort_keys=True), []
+            ).append((scenario, name, about))
+    shortest = (
+        min(place, key=lambda w: steps(w[0])) for place in plots_by_definition.values()
+    )
     return sorted(shortest, key=lambda w: w[0])
 
 
@@ -1080,21 +1090,21 @@ def test_a_plot_is_what_its_title_says(scenario, name, plot):
     unit = plot.get("unit", "1")
     lines = lines_of(Plot(**plot), f.run.results, unit)
     if "derive" in plot:
-        expected = DERIVED[plot["derive"]](f)
+        curves = DERIVED[plot["derive"]](f)
         names, scale = (
-            plot.get("components", ["all"] * len(expected)),
+            plot.get("components", ["all"] * len(curves)),
             PER.get(("N.m.s", unit), 1.0),
         )
-        expected = [scale * w for w, n in zip(expected, names, strict=False) if n]
+        curves = [scale * w for w, n in zip(curves, names, strict=False) if n]
     else:
         (signal,) = plot["signals"]
         own_value = f.run.results.attribute(signal, "unit") or "1"
         values = f[signal] * (1.0 if own_value == unit else PER[own_value, unit])
         names = plot.get("components") or [str(i) for i in range(values.shape[1])]
-        expected = [v for v, n in zip(values.T, names, strict=False) if n]
+        curves = [v for v, n in zip(values.T, names, strict=False) if n]
         if plot.get("norm"):
             assert "size" in title
-            expected = [size(values)]
+            curves = [size(values)]
         else:
             assert "size" not in title
         if names == ["x", "y", "z"] and "wheel" in signal:
@@ -1103,8 +1113,8 @@ def test_a_plot_is_what_its_title_says(scenario, name, plot):
             assert np.array_equal(axes[:, :3], np.eye(3)), (
                 f"{title}: x, y, z are no wheels' axes"
             )
-    assert len(lines) == len(expected)
-    for line, values in zip(lines, expected, strict=True):
+    assert len(lines) == len(curves)
+    for line, values in zip(lines, curves, strict=True):
         scale = np.abs(values).max() or 1.0
         n = min(len(values), len(line.values))
         assert n > len(values) - 2

@@ -28,9 +28,9 @@ def _of_design(scenario) -> list[str]:
 
 
 def test_no_kept_design_is_for_other_values():
-    designed = [s for s in scenarios("uosat12").values() if s.design]
-    assert len(designed) > 36
-    assert [line for s in designed for line in _of_design(s)] == []
+    with_design = [s for s in scenarios("uosat12").values() if s.design]
+    assert len(with_design) > 36
+    assert [line for s in with_design for line in _of_design(s)] == []
 
 
 @pytest.mark.parametrize(
@@ -50,8 +50,8 @@ def test_no_kept_design_is_for_other_values():
     ],
 )
 def test_a_design_for_other_values_is_said(options, fault):
-    checked = prepare(MEC, Options(**options))
-    (line,) = [w for w in checked.warnings if "its design" in w]
+    case = prepare(MEC, Options(**options))
+    (line,) = [w for w in case.warnings if "its design" in w]
     assert fault in line
     assert f"`desat run {MEC} ... --design now`" in line
 
@@ -100,21 +100,21 @@ def test_one_command_gets_the_right_gains(tmp_path):
 
 def test_a_design_is_stamped_only_if_its_numbers_are_reached(monkeypatch, tmp_path):
     scenario = find("uosat12/fig2-ccpl-1")
-    saved = scenario.design.read_text(encoding="utf-8")
-    bare = saved.partition("\n[made_of]\n")[0]
+    design_text = scenario.design.read_text(encoding="utf-8")
+    bare = design_text.partition("\n[made_of]\n")[0]
     file = tmp_path / "x.toml"
     monkeypatch.setattr(type(scenario), "design", property(lambda self: file))
-    moved = {
+    parameters = {
         **scenario.content.parameters,
         "spacecraft": {"h_start_body": [2.0, 0.0, 0.0]},
     }
-    other = replace(scenario, content=but(scenario.content, parameters=moved))
+    other = replace(scenario, content=but(scenario.content, parameters=parameters))
     file.write_text(bare, encoding="utf-8")
     assert not making.confirm(other)
     assert file.read_text(encoding="utf-8") == bare
     assert "does not say" in _of_design(scenario)[0]
     assert making.confirm(scenario)
-    assert file.read_text(encoding="utf-8") == saved
+    assert file.read_text(encoding="utf-8") == design_text
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,7 @@ def reach(t, r=ONES):
     return q @ np.diag(1 / np.array(r)) @ q.T
 
 
-def solved(slope, span, y, **options):
+def solve_ode(slope, span, y, **options):
     return solve_ivp(slope, span, y, method="DOP853", rtol=1e-12, atol=1e-14, **options)
 
 
@@ -81,9 +81,9 @@ def test_gain_is_scipys(omega, b, r, f):
     assume(abs(omega @ b) < 0.95)  # along omega nothing can be stabilised
     w, q = -skew(RATE * omega), -skew(3e-5 * b)
     s = q @ np.diag(1 / np.array(r)) @ q.T
-    expected = solve_continuous_are(w, q, np.diag(f), np.diag(r))
-    found = infinite_gain(w, s, np.diag(f))
-    assert np.linalg.norm(found - expected) <= 1e-12 * np.linalg.norm(expected)
+    riccati_gain = solve_continuous_are(w, q, np.diag(f), np.diag(r))
+    gain = infinite_gain(w, s, np.diag(f))
+    assert np.linalg.norm(gain - riccati_gain) <= 1e-12 * np.linalg.norm(riccati_gain)
 
 
 @given(st.integers(0, 2**31), st.floats(-8, 8), st.floats(-8, 8))
@@ -91,12 +91,12 @@ def test_gain_is_scipys_for_any_system(seed, scale_s, scale_f):
     stream = np.random.default_rng(seed)
     w, b, a = stream.normal(size=(3, 3, 3))
     s, f = b @ b.T + 0.1 * np.eye(3), a @ a.T + 0.1 * np.eye(3)
-    expected = solve_continuous_are(w, np.linalg.cholesky(s), f, np.eye(3))
+    riccati_gain = solve_continuous_are(w, np.linalg.cholesky(s), f, np.eye(3))
     # S -> S c / d, F -> F c d with W -> c W has K -> d K: any size is scaled away
     # inside
     c, d = 10.0 ** ((scale_s + scale_f) / 2), 10.0 ** ((scale_f - scale_s) / 2)
-    found = infinite_gain(c * w, c / d * s, c * d * f) / d
-    assert np.linalg.norm(found - expected) <= 1e-12 * np.linalg.norm(expected)
+    gain = infinite_gain(c * w, c / d * s, c * d * f) / d
+    assert np.linalg.norm(gain - riccati_gain) <= 1e-12 * np.linalg.norm(riccati_gain)
 
 
 def test_no_gain_where_nothing_can_be_stabilised():
@@ -142,7 +142,7 @@ def test_gains_solve_the_two_point_boundary_problem(tables):
         )
 
     def fly(start, from_h, to):
-        return solved(slope, (start, to), np.asarray(from_h)).y[:, -1]
+        return solve_ode(slope, (start, to), np.asarray(from_h)).y[:, -1]
 
     for i in (0, 20, 45):
         t = TIMES[i]
@@ -151,10 +151,10 @@ def test_gains_solve_the_two_point_boundary_problem(tables):
             [fly(t, [*START, *e], HORIZON)[3:] - free[3:] for e in np.eye(3)], axis=1
         )
         p = -unit * np.linalg.solve(effect, free[3:])
-        found = magnetic.lqr_costate(
+        costate = magnetic.lqr_costate(
             tuple(START), tuple(tables[0][i]), tuple(tables[1][i])
         )
-        assert np.allclose(found, p, rtol=0, atol=2e-7 * np.abs(p).max())
+        assert np.allclose(costate, p, rtol=0, atol=2e-7 * np.abs(p).max())
         assert np.linalg.norm(tables[1][i]) > 0.01 * np.linalg.norm(
             p
         )  # and g matters in it
@@ -169,7 +169,10 @@ def test_gains_obey_eq_11_as_full_matrices(tables):
         dk = -k @ w - w.T @ k + k @ s @ k - f
         return np.concatenate((dk.ravel(), -(w - s @ k).T @ g + k @ PUSHED)) / unit
 
-    y = solved(slope, (HORIZON, 0), np.zeros(12), t_eval=TIMES[::-1]).y.T[::-1] * unit
+    y = (
+        solve_ode(slope, (HORIZON, 0), np.zeros(12), t_eval=TIMES[::-1]).y.T[::-1]
+        * unit
+    )
     assert np.allclose(y[:, [1, 2, 5]], y[:, [3, 6, 7]], rtol=0, atol=1e-3)  # of 1e6
     largest = np.abs(y).max()
     assert np.allclose(tables[0], y[:, [0, 1, 2, 4, 5, 8]], rtol=0, atol=1e-8 * largest)
@@ -202,7 +205,7 @@ def test_between_the_nodes_the_error_is_bounded(tables):
     exact = offline.gains(field, NADIR, WEIGHT, R, PUSHED, fine)
     width, between = HORIZON / (len(TIMES) - 1), fine[1] - fine[0]
     for table, columns, truth in zip(tables, (6, 3), exact, strict=True):
-        found = np.array(
+        interpolation = np.array(
             [
                 magnetic.interpolate_rows(
                     tuple(table.ravel()), columns, len(TIMES), HORIZON, t
@@ -211,13 +214,13 @@ def test_between_the_nodes_the_error_is_bounded(tables):
             ]
         )
         curvature = np.abs(np.diff(truth, 2, axis=0)).max(axis=0) / between**2
-        error = np.abs(found - truth).max(axis=0)
+        error = np.abs(interpolation - truth).max(axis=0)
         assert (
             error <= 1.1 * width**2 / 8 * curvature + 1e-9 * np.abs(truth).max()
         ).all()
         assert error.max() <= 0.002 * np.abs(truth).max()
         assert np.allclose(
-            found[::10], table, rtol=1e-14, atol=0
+            interpolation[::10], table, rtol=1e-14, atol=0
         )  # at a node: the node
 
 
@@ -354,8 +357,8 @@ def test_ilqr_block_is_eq_11_with_scipys_gain():
     s = q @ np.diag(1 / np.array(r)) @ q.T
     k = solve_continuous_are(w, q, np.diag(f), np.diag(r))
     g = np.linalg.solve((w - s @ k).T, k @ n_con)
-    expected = -np.diag(1 / np.array(r)) @ q.T @ (k @ [1.0 - bias, -0.5, 0.3] - g)
-    assert np.allclose(block.m_cmd_body, expected, rtol=1e-11)
+    dipole = -np.diag(1 / np.array(r)) @ q.T @ (k @ [1.0 - bias, -0.5, 0.3] - g)
+    assert np.allclose(block.m_cmd_body, dipole, rtol=1e-11)
     assert np.allclose(
         block.tau_cmd_wheel[:3],
         np.cross(block.m_cmd_body, block.b_body) - np.cross(NADIR, [1.0, -0.5, 0.3]),
@@ -411,16 +414,16 @@ LAWS, STARTS = ("lqr", "ilqr", "mec", "ccpl"), (1, 2, 3)
 def values():
     """name -> numbers of the paper's-model scenarios, by FMUs."""
     names = [n for n in scenarios("uosat12") if "/fig2-" in n and "flight" not in n]
-    found = {}
+    values_by_name = {}
     for name in names:
         run = execute(name, Options())
         assert run.ok
-        found[name.removeprefix("uosat12/")] = {
+        values_by_name[name.removeprefix("uosat12/")] = {
             "end": run.results.values("spacecraft.h_copy_wheel")[-1][:3],
             **{k: n["value"] for k, n in run.manifest["numbers"].items()},
         }
         run.results.close()
-    return found
+    return values_by_name
 
 
 @pytest.mark.real_units
@@ -485,11 +488,11 @@ def cost(name, f, **overrides):
 
 @pytest.mark.real_units
 def test_lqr_costs_less_than_ilqr_and_than_itself_without_g():
-    tuned = stored_design("uosat12/fig2-lqr-1")["tuned"]["momentum_weight"]
+    weight = stored_design("uosat12/fig2-lqr-1")["tuned"]["momentum_weight"]
     ilqr = cost(
-        "uosat12/fig2-ilqr-1", tuned, **{"manager.momentum_weight": [tuned] * 3}
+        "uosat12/fig2-ilqr-1", weight, **{"manager.momentum_weight": [weight] * 3}
     )
-    assert cost("uosat12/fig2-lqr-1", tuned) < 0.99 * ilqr
+    assert cost("uosat12/fig2-lqr-1", weight) < 0.99 * ilqr
     f = find("uosat12/fig2-offnadir-lqr-blind").content.design.momentum_weight[0]
     assert f == pytest.approx(
         stored_design("uosat12/fig2-offnadir-lqr")["tuned"]["momentum_weight"], 1e-6
@@ -511,8 +514,8 @@ def test_in_flight_feedback_keeps_what_open_loop_loses(start):
         assert np.abs(run.results.values("torquers.m_mean_body")).max() <= 40.0
         final[law] = numbers["final_momentum"]
     assert max(final["lqr"], final["ilqr"]) < min(final["mec"], 0.25)
-    informed = execute(f"uosat12/fig2-flight-igrf-mec-{start}", Options())
-    assert informed.manifest["numbers"]["final_momentum"]["value"] == pytest.approx(
+    feedback_run = execute(f"uosat12/fig2-flight-igrf-mec-{start}", Options())
+    assert feedback_run.manifest["numbers"]["final_momentum"]["value"] == pytest.approx(
         0.05, abs=0.02
     )
 
@@ -552,9 +555,9 @@ def command(monkeypatch, tmp_path):
     changed."""
 
     def run(name, *arguments, manager=(), **changes):
-        def changed(expected):
-            scenario = find(expected)
-            if expected != f"uosat12/{name}" or not (changes or manager):
+        def find_changed(scenario_name):
+            scenario = find(scenario_name)
+            if scenario_name != f"uosat12/{name}" or not (changes or manager):
                 return scenario
             table = {
                 k: v
@@ -566,7 +569,7 @@ def command(monkeypatch, tmp_path):
             content = but(scenario.content, design=table, parameters=parameters)
             return replace(scenario, content=content)
 
-        monkeypatch.setattr(design_module, "find", changed)
+        monkeypatch.setattr(design_module, "find", find_changed)
         monkeypatch.setattr(design_module, "ROOT", tmp_path)
         return CliRunner().invoke(
             cli.app_for([]), ["design", f"uosat12/{name}", *arguments]
@@ -700,7 +703,7 @@ def test_the_least_energy_beside_a_general_solver(peak, first, dipole, least):
         for s in (1.0, -1.0)
     ]
     bounds = [(-dipole / scale, dipole / scale)] * (3 * count)
-    found = minimize(
+    solution = minimize(
         lambda u: u @ u,
         np.zeros(3 * count),
         jac=lambda u: 2.0 * u,
@@ -709,10 +712,10 @@ def test_the_least_energy_beside_a_general_solver(peak, first, dipole, least):
         method="SLSQP",
         options={"maxiter": 2000, "ftol": 1e-12},
     )
-    assert found.success
-    expected = found.fun * scale**2 * dt
+    assert solution.success
+    optimum = solution.fun * scale**2 * dt
     limits = momentum_offline.Limits(most, dipole)
-    dipoles = scale * found.x.reshape(count, 3)
+    dipoles = scale * solution.x.reshape(count, 3)
     lowest, ease = momentum_offline.least_energy(course, limits, start, dipoles)
     assert (ease > 0.0) == (dipole < np.inf)
-    assert least * expected < lowest <= expected * (1.0 + 1e-6)
+    assert least * optimum < lowest <= optimum * (1.0 + 1e-6)

@@ -82,8 +82,8 @@ def test_some_that_are_not_reached_are_later_than_all_others(own_scenario):
     assert (entry["n"], entry["not_reached"]) == (len(there), 4 - len(there))
     assert entry["min"] == there[0]
     assert entry["max"] is None, "the slowest of all is not there"
-    ranked = [*there, *[math.inf] * (4 - len(there))]
-    middle = (ranked[1] + ranked[2]) / 2.0
+    ranks = [*there, *[math.inf] * (4 - len(there))]
+    middle = (ranks[1] + ranks[2]) / 2.0
     assert entry["median"] == (None if math.isinf(middle) else middle)
 
 
@@ -135,8 +135,8 @@ def test_medians_rank_what_is_not_reached():
     assert (results["y"]["median"], results["y"]["max"]) == (2.0, 3.0), (
         "no time: of those that have it"
     )
-    diverged = [{"y": math.inf}] * 3
-    assert spreads(diverged, {"y": "s"}, set())["y"].levels["max"] == math.inf
+    divergent_rows = [{"y": math.inf}] * 3
+    assert spreads(divergent_rows, {"y": "s"}, set())["y"].levels["max"] == math.inf
 
 
 def test_percentiles_of_a_campaign_rank_it_too():
@@ -161,11 +161,16 @@ def test_percentiles_of_a_campaign_rank_it_too():
 
 def test_a_row_of_a_table_is_not_within_where_a_draw_never_gets_there():
     scenario = find("integrated/mil-fast")
-    drawn = stored.read("integrated")["scenarios"][scenario.name]
-    values = {name: entry.levels["median"] for name, entry in drawn["summary"].items()}
-    rows = {r.quantity: r for r in comparison.rows_of(scenario, values, {}, drawn)}
+    entry_of_draws = stored.read("integrated")["scenarios"][scenario.name]
+    values = {
+        name: entry.levels["median"]
+        for name, entry in entry_of_draws["summary"].items()
+    }
+    rows = {
+        r.quantity: r for r in comparison.rows_of(scenario, values, {}, entry_of_draws)
+    }
     row = rows["time_to_dump_build_up"]
-    never = sum(d.numbers["dumped"] is None for d in drawn["draws"])
+    never = sum(d.numbers["dumped"] is None for d in entry_of_draws["draws"])
     assert never == 88
     assert row.draws.max is None
     assert row.within is False
@@ -174,14 +179,17 @@ def test_a_row_of_a_table_is_not_within_where_a_draw_never_gets_there():
 
 def test_stored_draws_have_no_end_of_a_run_for_a_time():
     for family in ("alsat1", "hausat2", "integrated", "space_telescope"):
-        for name, saved in stored.read(family)["scenarios"].items():
+        for name, entry_of_draws in stored.read(family)["scenarios"].items():
             scenario = find(name)
             for number in late(scenario.content):
                 entry = scenario.content.numbers[number]
-                if entry.unit not in ("s", "min") or number not in saved["units"]:
+                if (
+                    entry.unit not in ("s", "min")
+                    or number not in entry_of_draws["units"]
+                ):
                     continue
                 scale = 60.0 if entry.unit == "min" else 1.0
-                values = [d.numbers[number] for d in saved["draws"]]
+                values = [d.numbers[number] for d in entry_of_draws["draws"]]
                 end = scenario.content.stop / scale
                 assert all(x is None or x < end for x in values), f"{name}: {number}"
 

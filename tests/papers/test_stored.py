@@ -136,11 +136,11 @@ def test_a_block_is_of_what_it_uses_of_other_files(monkeypatch, tmp_path):
     assert "def norm(" in text
     vector.write_text(text.replace("def norm(", "EXTRA = 1.0\n\n\ndef norm("))
     assert computes() == before
-    changed = text.replace(
+    new_text = text.replace(
         "def norm(a: Vec3) -> float:", "def norm(a: Vec3) -> float:\n    a = a"
     )
-    assert changed != text
-    vector.write_text(changed)
+    assert new_text != text
+    vector.write_text(new_text)
     assert "spacecraft_rigid" in {n for n, x in computes().items() if x != before[n]}
 
 
@@ -175,10 +175,10 @@ def test_moved_joined_and_split_files_leave_code_as_it_is(monkeypatch, tmp_path)
     (engine / "node.py").write_text(
         text.replace("from .instances", "from ..engine.instances")
     )
-    joined = (engine / "current_call.py").read_text() + (
+    joined_text = (engine / "current_call.py").read_text() + (
         recording / "shared_tables.py"
     ).read_text()
-    head, _, rest = joined.rpartition("from __future__ import annotations")
+    head, _, rest = joined_text.rpartition("from __future__ import annotations")
     (engine / "current_call.py").write_text(head + rest)
     (recording / "shared_tables.py").unlink()
     assert stored.code(scenario) == before
@@ -205,13 +205,13 @@ def test_stored_draws_come_back(monkeypatch, tmp_path):
     y["summary"] = spreads([r.numbers for r in y["draws"]], y["units"], set())
     for family in ("f", "e"):
         scenarios = {f"{family}/x": x, f"{family}/y": y}
-        saved = {"family": family, "seed": 1, "scenarios": scenarios}
-        file = stored.write(saved)
+        sample_file = {"family": family, "seed": 1, "scenarios": scenarios}
+        file = stored.write(sample_file)
         before = file.read_bytes()
-        assert stored.write(saved).read_bytes() == before
+        assert stored.write(sample_file).read_bytes() == before
     assert len(stored.provenance_file().read_text().splitlines()) == 2 + 2 * 4
     back = stored.read("e")
-    assert back == saved
+    assert back == sample_file
     assert math.copysign(1.0, back["scenarios"]["e/y"]["draws"][0].numbers["a"]) == -1.0
     assert stored.read("f")["scenarios"]["f/x"] == x
     file.write_bytes(stored.file_of("f").read_bytes())
@@ -294,7 +294,7 @@ def test_more_draws_are_flown_after_those_that_are_kept(monkeypatch, tmp_path):
     )
     monkeypatch.setattr(stored, "with_draws", lambda family: {name: scenario})
     monkeypatch.setattr(paths, "DRAWS", tmp_path)
-    shown = full["draws"][0].numbers["firing_time"]
+    firing_time = full["draws"][0].numbers["firing_time"]
     first = full["draws"][:-1]
     first[0] = stored.row_of_draw(0, dict.fromkeys(first[0].numbers, 1.0))
     stored_samples["scenarios"] = {name: {**full, "draws": first}}
@@ -302,7 +302,7 @@ def test_more_draws_are_flown_after_those_that_are_kept(monkeypatch, tmp_path):
     assert stored.outdated(stored.read("uosat12")) == [name]
     result = stored.renew("uosat12", 1)["scenarios"][name]
     assert result["draws"][1:] == full["draws"][1:]
-    assert result["draws"][0] == first[0] != shown, (
+    assert result["draws"][0] == first[0] != firing_time, (
         "a draw that is kept is not flown again"
     )
     assert result["summary"]["firing_time"].n == scenario.content.samples

@@ -56,19 +56,23 @@ PROTOTYPE = {
 
 @pytest.mark.slow
 def test_every_banded_cell_is_within(rows):
-    banded = [r for r in rows if r["band"]]
+    rows_with_band = [r for r in rows if r["band"]]
     # Tables 2 and 3, then what is beyond: three methods, two of them with MEC, and the
     # bound
     assert (
-        len([r for r in banded if r["quantity"] == "firing_time"])
+        len([r for r in rows_with_band if r["quantity"] == "firing_time"])
         == 24 - 1 + 12 + 3 * 4 + 6
     )
-    assert len([r for r in banded if r["quantity"] == "dipole_energy"]) == 12 - 3
-    for r in banded:
+    assert (
+        len([r for r in rows_with_band if r["quantity"] == "dipole_energy"]) == 12 - 3
+    )
+    for r in rows_with_band:
         # a row of draws is outside also where one draw is
         assert r["within"] <= (r["band"][0] <= r["ours"] <= r["band"][1])
     outside = {
-        (r["quantity"], r["method"], r["case"]) for r in banded if not r["within"]
+        (r["quantity"], r["method"], r["case"])
+        for r in rows_with_band
+        if not r["within"]
     }
     assert {x for x in outside if x[0] != "above_bound"} == {
         # what the paper claims of CRCP, and does not hold here
@@ -88,9 +92,9 @@ def test_every_banded_cell_is_within(rows):
 
 
 def test_what_no_run_decides_says_why(rows):
-    undecided = [r for r in rows if r["ours"] is None]
-    assert len(undecided) == 5
-    for r in undecided:
+    open_rows = [r for r in rows if r["ours"] is None]
+    assert len(open_rows) == 5
+    for r in open_rows:
         assert r["remark"].startswith("not judged: ")
         assert (r["band"], r["within"], r["out_of_sample"]) == (None, None, False)
 
@@ -99,9 +103,9 @@ def test_the_receding_horizon_is_never_worse_than_ocdc(rows):
     """In the median of every row, and in every draw; the median is within 5 % of the
     bound, and so are 95 % of the draws with the attitude off."""
     for quantity in ("above_bound_over_ocdc", "above_bound_less_ocdc"):
-        compared = [r for r in rows if r["quantity"] == quantity]
-        assert len(compared) == 15 + 4
-        assert all(r["within"] for r in compared)
+        quantity_rows = [r for r in rows if r["quantity"] == quantity]
+        assert len(quantity_rows) == 15 + 4
+        assert all(r["within"] for r in quantity_rows)
     worse = [r for r in rows if r["quantity"] == "draws_worse_than_ocdc"]
     assert [r["draws"]["count"] for r in worse] == [0] * (15 + 4)
     above = {r["case"]: r for r in rows if r["quantity"] == "draws_above_5_percent"}
@@ -207,17 +211,19 @@ def test_beyond_the_paper(rows, method):
 def test_least_seconds_of_the_linear_programme(rows):
     """No bounded law beats the linear programme at 36 A m2 (notes; |h_f|_1 / 0.04 s
     allowed)."""
-    for case, bound in zip(CASES[:3], (52.85, 40.06, 52.12), strict=True):
+    for case, least_seconds in zip(CASES[:3], (52.85, 40.06, 52.12), strict=True):
         slack = 3**0.5 * cell(rows, "3", "OCDC", case, "final_momentum")["ours"] / 0.04
-        assert cell(rows, "3", "OCDC", case)["ours"] + slack >= bound
+        assert cell(rows, "3", "OCDC", case)["ours"] + slack >= least_seconds
 
 
 def test_random_starts_are_stored_draws(rows):
-    drawn = {
+    rows_by_method = {
         (r["method"], r["quantity"]): r for r in rows if r["table"] == "Random starts"
     }
-    assert all(r["draws"]["n"] >= 20 and r["paper"] is None for r in drawn.values())
-    bound = drawn["BOUND", "firing_time"]
+    assert all(
+        r["draws"]["n"] >= 20 and r["paper"] is None for r in rows_by_method.values()
+    )
+    bound_row = rows_by_method["BOUND", "firing_time"]
     for method in (
         "DCT",
         "OCDC",
@@ -225,10 +231,10 @@ def test_random_starts_are_stored_draws(rows):
         "BOUNDED 1-NORM",
         "RECEDING HORIZON",
     ):
-        assert drawn[method, "firing_time"]["ours"] > bound["ours"]
-    assert drawn["RECEDING HORIZON", "above_bound"]["ours"] < 0.2
-    assert drawn["RECEDING HORIZON", "above_bound"]["draws"]["max"] <= 1.0
-    assert drawn["RECEDING HORIZON", "final_momentum"]["draws"]["max"] <= 0.002
+        assert rows_by_method[method, "firing_time"]["ours"] > bound_row["ours"]
+    assert rows_by_method["RECEDING HORIZON", "above_bound"]["ours"] < 0.2
+    assert rows_by_method["RECEDING HORIZON", "above_bound"]["draws"]["max"] <= 1.0
+    assert rows_by_method["RECEDING HORIZON", "final_momentum"]["draws"]["max"] <= 0.002
 
 
 def test_a_stored_draw_is_what_the_fmus_give():

@@ -85,8 +85,8 @@ def test_atmosphere_of_the_block_is_over_the_ellipsoid():
     )
     assert at(block, 0.0).density == pytest.approx(6.967e-13, rel=1e-9)
     quarter = math.pi / 2 / orbit.mean_motion(a)
-    expected = 6.967e-13 * math.exp(-21.384685 / 63.822)
-    assert at(block, quarter).density == pytest.approx(expected, rel=1e-5)
+    density = 6.967e-13 * math.exp(-21.384685 / 63.822)
+    assert at(block, quarter).density == pytest.approx(density, rel=1e-5)
 
 
 def test_kp_of_ap():
@@ -153,20 +153,20 @@ def test_activity_day_and_night_of_the_block():
     """At 500 km: day over night 2 to 6, moderate over low activity 13, high over
     moderate 4."""
     inputs = {"semi_major_axis": 6378137.0 + 500e3, "inclination": 0.3, "field": "none"}
-    seen = {}
+    densities = {}
     for activity in ("low", "moderate", "high"):
         block = kepler(atmosphere="activity", solar_activity=activity, **inputs)
-        seen[activity] = [
+        densities[activity] = [
             at(block, t).density for t in np.arange(0.0, 5700.0, 30.0).tolist()
         ]
-        assert 2 < max(seen[activity]) / min(seen[activity]) < 6
-    low, moderate, high = (np.mean(x) for x in seen.values())
+        assert 2 < max(densities[activity]) / min(densities[activity]) < 6
+    low, moderate, high = (np.mean(x) for x in densities.values())
     assert moderate / low == pytest.approx(13, rel=0.2)
     assert high / moderate == pytest.approx(4, rel=0.2)
     requests = kepler(
         atmosphere="activity", solar_activity="given", f107=250.0, ap=45.0, **inputs
     )
-    assert at(requests, 0.0).density == seen["high"][0]
+    assert at(requests, 0.0).density == densities["high"][0]
 
 
 def test_atmosphere_by_activity_goes_on_below_120_km():
@@ -202,7 +202,7 @@ def test_atmosphere_against_nrlmsise(activity, mean, worst):
     ]
     dates, latitudes, hours, heights = zip(*points, strict=True)
     n = len(points)
-    expected = pymsis.calculate(
+    reference_density = pymsis.calculate(
         np.array(dates, dtype="datetime64[s]"),
         15.0 * (np.array(hours) - 12.0),
         np.array(latitudes, float),
@@ -212,7 +212,7 @@ def test_atmosphere_against_nrlmsise(activity, mean, worst):
         aps=[[ap] * 7] * n,
         version=0,
     )[:, 0]
-    found = []
+    densities = []
     for date, latitude, hour, height in points:
         time = epoch(*date.timetuple()[:6])
         direction, _ = earth.sun(time)
@@ -221,11 +221,13 @@ def test_atmosphere_against_nrlmsise(activity, mean, worst):
         )
         c, s = math.cos(math.radians(latitude)), math.sin(math.radians(latitude))
         r = (c * math.cos(ascension), c * math.sin(ascension), s)
-        found.append(
+        densities.append(
             atmosphere.by_activity(1e3 * height, r, direction, time, coldest, kp)
         )
-    ratio = np.log(found) - np.log(expected)
+    ratio = np.log(densities) - np.log(reference_density)
     assert math.exp(np.sqrt(np.mean(ratio**2))) < mean
     assert math.exp(np.abs(ratio).max()) < worst
-    static = np.log([atmosphere.table(1e3 * h) for h in heights]) - np.log(expected)
+    static = np.log([atmosphere.table(1e3 * h) for h in heights]) - np.log(
+        reference_density
+    )
     assert np.mean(static**2) > np.mean(ratio**2)

@@ -41,19 +41,19 @@ def at(block: Block, t: float) -> Block:
 
 def test_sidereal_time():
     """Vallado, Fundamentals of Astrodynamics and Applications, example 3-5."""
-    found = math.degrees(earth.earth_angle(epoch(1992, 8, 20, 12, 14)))
+    sidereal_angle = math.degrees(earth.earth_angle(epoch(1992, 8, 20, 12, 14)))
     # its Julian date is rounded to 4e-5 s
-    assert found == pytest.approx(152.578787810, abs=2e-7)
+    assert sidereal_angle == pytest.approx(152.578787810, abs=2e-7)
 
 
 def test_the_earth_turns_at_its_rate():
     start, day = epoch(2026, 1, 1), 86400.0
-    turned = (
+    excess_angle = (
         earth.earth_angle(start + day)
         - earth.earth_angle(start)
         - orbit.EARTH_RATE * day
     )
-    assert math.remainder(turned, math.tau) == pytest.approx(0, abs=1e-7)
+    assert math.remainder(excess_angle, math.tau) == pytest.approx(0, abs=1e-7)
 
 
 @pytest.mark.parametrize("month", range(1, 13))
@@ -93,7 +93,7 @@ def test_height():
 @pytest.mark.parametrize(
     (
         "date",
-        "expected",
+        "sun_longitude",
     ),  # equinoxes and solstices of 2024 and 2026, published to the minute
     [
         ((2024, 3, 20, 3, 6), 0),
@@ -106,16 +106,16 @@ def test_height():
         ((2026, 12, 21, 20, 50), 270),
     ],
 )
-def test_sun_at_equinox_and_solstice(date, expected):
+def test_sun_at_equinox_and_solstice(date, sun_longitude):
     (x, y, z), distance = earth.sun(epoch(*date))
     assert x * x + y * y + z * z == pytest.approx(1, abs=1e-14)
     tilt = math.radians(23.4365)
     longitude = math.atan2(y * math.cos(tilt) + z * math.sin(tilt), x)
-    assert math.remainder(math.degrees(longitude) - expected, 360) == pytest.approx(
-        0, abs=0.013
-    )
+    assert math.remainder(
+        math.degrees(longitude) - sun_longitude, 360
+    ) == pytest.approx(0, abs=0.013)
     assert math.degrees(math.asin(z)) == pytest.approx(
-        {0: 0, 90: 23.4365, 180: 0, 270: -23.4365}[expected], abs=0.006
+        {0: 0, 90: 23.4365, 180: 0, 270: -23.4365}[sun_longitude], abs=0.006
     )
     assert 0.983 < distance / earth.ASTRONOMICAL_UNIT < 1.017
 
@@ -181,11 +181,11 @@ def test_eclipse_is_the_hidden_part_of_the_disc():
             + (np.sin(radius) * np.cos(phi))[:, None] * u
             + (np.sin(radius) * np.sin(phi))[:, None] * w
         )
-        passed = (
+        is_lit = (
             np.linalg.norm(r - (ray @ r)[:, None] * ray, axis=1) > orbit.EARTH_RADIUS
         )
         assert earth.sunlight(tuple(r.tolist()), X_AXIS, AU) == pytest.approx(
-            passed.mean(), abs=5e-3
+            is_lit.mean(), abs=5e-3
         )
 
 
@@ -208,16 +208,16 @@ def test_eclipse_of_an_orbit():
 
 
 @pytest.mark.parametrize(
-    ("date", "expected"),
+    ("date", "flux"),
     # perihelion and aphelion of 2026 (0.983302, 1.016644 au), and one astronomical unit
     [((2026, 1, 3, 17), 1.03425), ((2026, 7, 6, 18), 0.96753), ((2026, 4, 4), 1.0)],
 )
-def test_sunlight_over_the_year(date, expected):
+def test_sunlight_over_the_year(date, flux):
     """Outside of the shadow the inverse square of the distance: 6.7 % between January
     and July."""
     block = kepler(field="none", epoch_j2000=epoch(*date))
     lit = [at(block, t).sunlight for t in np.arange(0.0, 6000.0, 60.0).tolist()]
-    assert max(lit) == pytest.approx(expected, rel=3e-4)
+    assert max(lit) == pytest.approx(flux, rel=3e-4)
     distance = earth.sun(block.epoch_j2000 + 5.0)[1]
     assert at(block, 0.0).sunlight in (
         0.0,

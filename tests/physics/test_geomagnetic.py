@@ -86,7 +86,7 @@ def reference_rows() -> list[list[float]]:
         return [[float(x) for x in row] for row in list(csv.reader(f))[1:]]
 
 
-def reference_block(**changed: object) -> EnvironmentKepler:
+def reference_block(**overrides: object) -> EnvironmentKepler:
     p = json.loads((AUTHORITIES / "parameters.json").read_text(encoding="utf-8"))
     d, air = p["dipole"], p["atmosphere"]
     parameters = {
@@ -103,14 +103,14 @@ def reference_block(**changed: object) -> EnvironmentKepler:
         "scale_height": air["H_m"],
         "atmosphere_radius": air["Re_m"],
     }
-    return kepler(**{**parameters, **changed})
+    return kepler(**{**parameters, **overrides})
 
 
 @pytest.mark.parametrize(
-    ("column", "changed"), [("fixed", {"earth_rate": 0.0}), ("rotating", {})]
+    ("column", "overrides"), [("fixed", {"earth_rate": 0.0}), ("rotating", {})]
 )
-def test_reference_trajectory(column, changed):
-    block = reference_block(**changed)
+def test_reference_trajectory(column, overrides):
+    block = reference_block(**overrides)
     for row in reference_rows():
         on_the_way(block, row[COLUMNS["t"]])
         assert math.dist(block.r_eci, row[COLUMNS["r"]]) < 1e-5
@@ -162,10 +162,10 @@ def test_field_of_the_gyrostat_reference():
                 math.sin(n * t) * math.sin(i),
             ]
         )
-        expected = f["dipole_T_m3"] / a**3 * (3 * (m @ u) * u - m)
+        dipole_field = f["dipole_T_m3"] / a**3 * (3 * (m @ u) * u - m)
         on_the_way(block, float(t))
         assert math.dist(block.r_eci, a * u) < 1e-7
-        assert math.dist(block.b_eci, expected) < 1e-16
+        assert math.dist(block.b_eci, dipole_field) < 1e-16
 
 
 # --- field ----------------------------------------------------------------------------
@@ -177,8 +177,10 @@ def ppigrf_field(r: Vec3, date: datetime) -> Vec3:
     )
     size = norm(r)
     theta, phi = math.atan2(math.hypot(r[0], r[1]), r[2]), math.atan2(r[1], r[0])
-    found = ppigrf.igrf_gc(size / 1e3, math.degrees(theta), math.degrees(phi), date)
-    up, south, east = (1e-9 * float(np.squeeze(x)) for x in found)
+    components = ppigrf.igrf_gc(
+        size / 1e3, math.degrees(theta), math.degrees(phi), date
+    )
+    up, south, east = (1e-9 * float(np.squeeze(x)) for x in components)
     st, ct, sp, cp = math.sin(theta), math.cos(theta), math.sin(phi), math.cos(phi)
     return (
         up * st * cp + south * ct * cp - east * sp,
@@ -215,8 +217,10 @@ def test_igrf(date, tolerance):
             size * math.cos(theta),
         )
         # ppigrf divides by the sine of the colatitude
-        expected = ppigrf_field(r if k > 1 else (1.0, 1.0, r[2]), datetime(*date))
-        assert math.dist(geomagnetic.igrf(r, year), expected) < (
+        reference_field = ppigrf_field(
+            r if k > 1 else (1.0, 1.0, r[2]), datetime(*date)
+        )
+        assert math.dist(geomagnetic.igrf(r, year), reference_field) < (
             tolerance if k > 1 else 1e-9
         )
 
@@ -272,8 +276,8 @@ def test_the_dipole_is_degree_one():
     """The start value of `dipole_earth` is IGRF-14 at 2025.0."""
     m = EnvironmentKepler().dipole_earth
     for r in ((7e6, 0.0, 0.0), (1e6, -5e6, 4e6), (0.0, 0.0, -7e6)):
-        expected = geomagnetic.igrf(r, 2025.0, 1)
-        assert geomagnetic.dipole(r, m) == pytest.approx(expected, abs=1e-19)
+        first_degree = geomagnetic.igrf(r, 2025.0, 1)
+        assert geomagnetic.dipole(r, m) == pytest.approx(first_degree, abs=1e-19)
     assert geomagnetic.dipole((0.0, 0.0, 7e6), m)[2] < 0, (
         "at the north pole B points down"
     )
@@ -358,8 +362,10 @@ def test_polynomial_and_its_derivatives():
     p = np.polynomial.Polynomial([3.0, -0.2, 0.05, 1e-3, -2e-4, 3e-6])
     c = near_earth.quintic(tuple(p(near_earth.NODE_TIME * k) for k in range(-2, 4)))
     for s in (0.0, 3.3, 10.0):
-        expected = (p(s), p.deriv()(s), p.deriv(2)(s))
-        assert near_earth.derivatives(c, s) == pytest.approx(expected, rel=1e-11)
+        polynomial_values = (p(s), p.deriv()(s), p.deriv(2)(s))
+        assert near_earth.derivatives(c, s) == pytest.approx(
+            polynomial_values, rel=1e-11
+        )
 
 
 def still(**parameters: object) -> EnvironmentKepler:
@@ -372,18 +378,18 @@ def test_the_coefficients_move_in_a_long_run():
     one before in the median at 550 km, 12 nT at the most."""
     start, month = epoch(2026, 3, 1), 30 * 86400.0
     long, then = still(epoch_j2000=start), still(epoch_j2000=start + month)
-    moved = []
+    field_changes = []
     for u in np.random.default_rng(2).normal(size=(300, 3)):
         r = tuple((6.928137e6 * u / np.linalg.norm(u)).tolist())
         now = long.field_date(r, month, igrf=True)
         assert math.dist(now, then.field_date(r, 0.0, igrf=True)) < 1e-18
-        moved.append(math.dist(now, long.field_date(r, 0.0, igrf=True)))
+        field_changes.append(math.dist(now, long.field_date(r, 0.0, igrf=True)))
         # the secular variation is linear
         half = long.field_date(r, month / 2, igrf=True)
         before = long.field_date(r, 0.0, igrf=True)
         assert [2 * x for x in half] == pytest.approx(np.add(now, before), abs=1e-18)
-    assert np.median(moved) == pytest.approx(4e-9, rel=0.3)
-    assert max(moved) == pytest.approx(12e-9, rel=0.2)
+    assert np.median(field_changes) == pytest.approx(4e-9, rel=0.3)
+    assert max(field_changes) == pytest.approx(12e-9, rel=0.2)
 
 
 def test_a_run_across_two_models_is_continuous():

@@ -65,16 +65,16 @@ def of_elements(e: orbit.Elements, **parameters: object) -> EnvironmentKepler:
 
 @given(st.floats(-20, 20), st.floats(0, 0.95))
 def test_eccentric_anomaly_solves_keplers_equation(m, e):
-    found = orbit.eccentric_anomaly(m, e)
-    assert math.remainder(found - e * math.sin(found) - m, math.tau) == pytest.approx(
-        0, abs=5e-15
-    )
+    anomaly = orbit.eccentric_anomaly(m, e)
+    assert math.remainder(
+        anomaly - e * math.sin(anomaly) - m, math.tau
+    ) == pytest.approx(0, abs=5e-15)
 
 
 @given(angle, st.floats(0, 0.95))
 def test_true_anomaly(true, e):
-    found = orbit.eccentric_anomaly(orbit.mean_from_true_anomaly(true, e), e)
-    x, y = math.cos(found) - e, math.sqrt(1 - e * e) * math.sin(found)
+    anomaly = orbit.eccentric_anomaly(orbit.mean_from_true_anomaly(true, e), e)
+    x, y = math.cos(anomaly) - e, math.sqrt(1 - e * e) * math.sin(anomaly)
     assert math.remainder(math.atan2(y, x) - true, math.tau) == pytest.approx(
         0, abs=1e-12
     )
@@ -96,11 +96,11 @@ def test_energy_and_angular_momentum_are_those_of_the_elements(e, t):
 def test_velocity_is_the_derivative_of_position(e, t, j2):
     block = of_elements(e, j2=j2)
     r = {k: at(block, t + 0.5 * k).r_eci for k in (-2, -1, 1, 2)}
-    found = [
+    velocity = [
         (8 * (b - a) - (d - c)) / 6
         for a, b, c, d in zip(r[-1], r[1], r[-2], r[2], strict=True)
     ]
-    assert found == pytest.approx(at(block, t).v_eci, abs=2e-6)
+    assert velocity == pytest.approx(at(block, t).v_eci, abs=2e-6)
 
 
 @given(elements)
@@ -118,14 +118,14 @@ def test_an_orbit_closes(e):
 @given(elements, st.floats(0, 1e5))
 def test_elements_from_state(e, t):
     block = at(of_elements(e), t)
-    found = orbit.elements_from_state(block.r_eci, block.v_eci)
-    again = at(of_elements(found), 0.0)
+    elements = orbit.elements_from_state(block.r_eci, block.v_eci)
+    again = at(of_elements(elements), 0.0)
     scale = norm(block.r_eci)
     assert again.r_eci == pytest.approx(block.r_eci, abs=1e-9 * scale)
     assert again.v_eci == pytest.approx(block.v_eci, abs=1e-9 * norm(block.v_eci))
-    assert found.semi_major_axis == pytest.approx(e.semi_major_axis, rel=1e-11)
-    assert found.eccentricity == pytest.approx(e.eccentricity, abs=1e-11)
-    assert found.inclination == pytest.approx(e.inclination, abs=1e-7)
+    assert elements.semi_major_axis == pytest.approx(e.semi_major_axis, rel=1e-11)
+    assert elements.eccentricity == pytest.approx(e.eccentricity, abs=1e-11)
+    assert elements.inclination == pytest.approx(e.inclination, abs=1e-7)
 
 
 @pytest.mark.parametrize("inclination", [0.0, 1.0, math.pi])
@@ -133,8 +133,8 @@ def test_elements_of_a_circle(inclination):
     block = at(
         kepler(inclination=inclination, raan=0.3, mean_anomaly=0.4, field="none"), 50.0
     )
-    found = orbit.elements_from_state(block.r_eci, block.v_eci)
-    again = at(of_elements(found), 0.0)
+    elements = orbit.elements_from_state(block.r_eci, block.v_eci)
+    again = at(of_elements(elements), 0.0)
     assert again.r_eci == pytest.approx(block.r_eci, abs=1e-7)
     with pytest.raises(ValueError, match="not those of an ellipse"):
         orbit.elements_from_state(block.r_eci, tuple(2 * x for x in block.v_eci))
@@ -174,16 +174,18 @@ def test_j2_drift_is_that_of_the_integrated_motion():
         [orbit.elements_from_state(x[:3], x[3:]) for x in solution.y.T.tolist()]
     )
     a, e, i = osculating[:, :3].mean(axis=0)
-    expected = orbit.j2_drift(a, e, i)
-    for column, rate in ((3, expected.raan), (4, expected.argument_of_perigee)):
+    drift = orbit.j2_drift(a, e, i)
+    for column, rate in ((3, drift.raan), (4, drift.argument_of_perigee)):
         slope = np.polyfit(t, np.unwrap(osculating[:, column]), 1)[0]
         assert slope == pytest.approx(rate, rel=0.005)
-    turned = np.unwrap(osculating[:, 5] + osculating[:, 4])
+    latitude_argument = np.unwrap(osculating[:, 5] + osculating[:, 4])
     argument_rate = (
-        orbit.mean_motion(a) + expected.mean_anomaly + expected.argument_of_perigee
+        orbit.mean_motion(a) + drift.mean_anomaly + drift.argument_of_perigee
     )
     # a mean over time differs from the mean element by some 1e-4
-    assert np.polyfit(t, turned, 1)[0] == pytest.approx(argument_rate, rel=3e-4)
+    assert np.polyfit(t, latitude_argument, 1)[0] == pytest.approx(
+        argument_rate, rel=3e-4
+    )
 
 
 def test_j2_drift_of_the_block():
@@ -195,10 +197,10 @@ def test_j2_drift_of_the_block():
     per_day = math.radians(-2.06474e14 * 7200**-3.5 * math.cos(i) / (1 - e * e) ** 2)
     for day in (1, 10):
         state = at(block, 86400.0 * day)
-        found = orbit.elements_from_state(state.r_eci, state.v_eci)
+        elements = orbit.elements_from_state(state.r_eci, state.v_eci)
         # the drift itself is in v: it tilts r x v by up to 5e-4 rad
-        assert found.raan == pytest.approx(per_day * day, abs=6e-4)
-        assert found.inclination == pytest.approx(i, abs=6e-4)
+        assert elements.raan == pytest.approx(per_day * day, abs=6e-4)
+        assert elements.inclination == pytest.approx(i, abs=6e-4)
 
 
 def test_sun_synchronous():

@@ -128,9 +128,9 @@ def test_order_conditions(order):
 
 
 @pytest.mark.parametrize(
-    ("order", "angle", "expected"), [(8, 0.3, -1.3e-13), (6, 0.055, 5.5e-14)]
+    ("order", "angle", "growth_rate"), [(8, 0.3, -1.3e-13), (6, 0.055, 5.5e-14)]
 )
-def test_growth_of_an_oscillation(order, angle, expected):
+def test_growth_of_an_oscillation(order, angle, growth_rate):
     """|R(i a)| - 1, in exact arithmetic: what a step takes from an oscillation."""
     a, b, _ = tableau(order)
 
@@ -148,7 +148,7 @@ def test_growth_of_an_oscillation(order, angle, expected):
     for x, k in zip(b, stages, strict=True):
         end = [end[0] + Fraction(x) * k[0], end[1] + Fraction(x) * k[1]]
     growth = float((end[0] * end[0] + end[1] * end[1] - 1) / 2)
-    assert growth == pytest.approx(expected, rel=0.1)
+    assert growth == pytest.approx(growth_rate, rel=0.1)
 
 
 # --- the equations of motion ----------------------------------------------------------
@@ -186,7 +186,7 @@ def test_slopes_are_the_equations(q, h, w, given_torque, dipole, r, e):
     def others(e, c):
         return mat_vec(c, (e, 2.0, 3.0))
 
-    found = slopes(
+    slope = slopes(
         inertia,
         tuple(0.5 * x for x in inverse),
         wheels,
@@ -203,8 +203,8 @@ def test_slopes_are_the_equations(q, h, w, given_torque, dipole, r, e):
     tau = add(at(torque), cross(at(m), mat_vec(c, at(field))))
     tau = add(tau, torques.gravity_gradient(mat_vec(c, at(place)), inertia))
     tau = add(tau, others(e, c))
-    assert found[:4] == pytest.approx(0.5 * turn @ np.array(q), abs=1e-14)
-    assert found[4:] == pytest.approx(mat_t_vec(c, tau), abs=1e-13)
+    assert slope[:4] == pytest.approx(0.5 * turn @ np.array(q), abs=1e-14)
+    assert slope[4:] == pytest.approx(mat_t_vec(c, tau), abs=1e-13)
 
 
 @given(vec3, vec3, st.floats(0, 1))
@@ -288,8 +288,8 @@ def monolith(stop: float) -> np.ndarray:
             gravity = 3.0 * MU / (u @ u) ** 2.5 * np.cross(u, inertia @ u)
             total = carrier @ omega + axes @ (h + torque * (t - begin))
             rate = inverse @ (gravity - axes @ torque - np.cross(omega, total))
-            turned = 0.5 * (w * omega - np.cross(omega, vector))
-            return np.array([*turned, -0.5 * omega @ vector, *rate])
+            vector_rate = 0.5 * (w * omega - np.cross(omega, vector))
+            return np.array([*vector_rate, -0.5 * omega @ vector, *rate])
 
         solver = DOP853(slope, begin, y, begin + HELD, rtol=1e-13, atol=1e-15)
         while solver.status == "running":
@@ -397,13 +397,13 @@ def test_attitude_without_torque():
 
 @pytest.mark.parametrize("dt", [0.06, 0.22, 1.0])
 @pytest.mark.parametrize("source", ["thruster", "wheel", "dipole"])
-@pytest.mark.parametrize("turned", [3e-6, 3e-5, 2e-4, 1e-3, 3e-3])
-def test_a_pulse_within_a_step(source, dt, turned):
+@pytest.mark.parametrize("angle", [3e-6, 3e-5, 2e-4, 1e-3, 3e-3])
+def test_a_pulse_within_a_step(source, dt, angle):
     """The torque of a pulse at the end of a step, as mean and slope: the step taken at
     once gives the attitude of a hundred. It erred by 1.2e-11 rad: its torque changes
     sign within the step."""
     inertia = 14.0
-    size = turned * inertia / dt**2
+    size = angle * inertia / dt**2
     mean, slope = (
         np.array((-0.6, 0.5, -0.62)) * size,
         np.array((-3.6, 3.0, -3.7)) * size,
@@ -554,14 +554,14 @@ def test_sixteen_plates_make_a_cylinder():
     assert len(plates) == 16
     for angle in (0.0, 0.1, 0.3):
         v = (7500.0 * math.cos(angle), 7500.0 * math.sin(angle), 0.0)
-        expected = torques.drag(v, 1e-12, 2.2 * 2.0 * radius * length, offset)
-        found = torques.drag_on_plates(v, 1e-12, 2.2, plates)
-        assert found == pytest.approx(expected, rel=0.014, abs=1e-12)
+        cylinder_drag = torques.drag(v, 1e-12, 2.2 * 2.0 * radius * length, offset)
+        plate_drag = torques.drag_on_plates(v, 1e-12, 2.2, plates)
+        assert plate_drag == pytest.approx(cylinder_drag, rel=0.014, abs=1e-12)
     # exactly: sum over the facing half of cos, for a flow along one normal
-    projected = area * sum(math.cos(math.pi * k / 8) for k in range(-3, 4))
+    facing_area = area * sum(math.cos(math.pi * k / 8) for k in range(-3, 4))
     v = (7500.0, 0.0, 0.0)
     assert torques.drag_on_plates(v, 1e-12, 2.2, plates) == pytest.approx(
-        torques.drag(v, 1e-12, 2.2 * projected, offset), rel=1e-12, abs=1e-18
+        torques.drag(v, 1e-12, 2.2 * facing_area, offset), rel=1e-12, abs=1e-18
     )
 
 
@@ -711,11 +711,13 @@ def test_a_turning_body_keeps_its_energy():
     block.gravity_gradient = False
     begin(block)
     axes = np.reshape(block.axes_wheel, (3, 4))
-    carried = np.reshape(block.inertia, (3, 3)) - (axes * block.inertia_wheel) @ axes.T
+    carrier_inertia = (
+        np.reshape(block.inertia, (3, 3)) - (axes * block.inertia_wheel) @ axes.T
+    )
     energies = []
     for k in range(41):
         block.output(float(k))
         omega = np.array(block.omega_bi_body)
-        energies.append(0.5 * omega @ carried @ omega)
+        energies.append(0.5 * omega @ carrier_inertia @ omega)
         block.advance(float(k), 1.0)
     assert energies == pytest.approx([energies[0]] * 41, rel=1e-13)

@@ -17,11 +17,13 @@ def test_a_rotor_meets_its_limit_while_the_body_speeds_up():
     (h, *_), integral = rotor.step(
         motor, (0.0,) * 4, torque, 0.1, 0.1 + change, 1.0, fastest
     )
-    met = (fastest + 0.1) / (torque / inertia - change)
-    at_limit = (fastest + 0.1) * (1.0 - met) + 0.5 * change * (1.0 - met**2)
+    limit_time = (fastest + 0.1) / (torque / inertia - change)
+    at_limit = (fastest + 0.1) * (1.0 - limit_time) + 0.5 * change * (
+        1.0 - limit_time**2
+    )
     assert h == pytest.approx(inertia * (fastest + 0.1 + change), rel=1e-12)
     assert integral == pytest.approx(
-        0.5 * torque * met**2 + inertia * at_limit, rel=1e-9
+        0.5 * torque * limit_time**2 + inertia * at_limit, rel=1e-9
     )
 
 
@@ -30,7 +32,7 @@ def test_a_rotor_that_breaks_loose_within_a_step_has_a_way():
     does not."""
     motor = (1e-3, 0.5, 0.0, 1e-4, 1.0, 0.0, 1e-3, 0.1)
     for command, way in ((2e-3, 1.0), (-2e-3, -1.0), (5e-4, 0.0)):
-        after, lasted, _ = rotor._standing(
+        after, standing_time, _ = rotor._standing(
             motor, (0.0, 0.0, 0.0, 0.0), command, (0.0, 0.0), 1.0
         )
-        assert (after[3], lasted < 1.0) == (way, way != 0.0)
+        assert (after[3], standing_time < 1.0) == (way, way != 0.0)

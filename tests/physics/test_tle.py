@@ -53,7 +53,7 @@ def test_sgp4_verification():
             latest.append([float(x) for x in line.split()[:7]])
     # as a parameter the epoch is one float, of 1e-7 s: it moves the Moon of these two
     tolerance = {20413: 1e-3, 23333: 1e-2}
-    compared = 0
+    row_count = 0
     for line1, line2 in zip(lines[::2], lines[1::2], strict=True):
         number = int(line1[2:7])
         if number in (33333, 33334, 33335):
@@ -63,7 +63,7 @@ def test_sgp4_verification():
         block = begin(EnvironmentTle(), **parameters, epoch_j2000=start, field="none")
         for minutes, *state in rows[number]:
             at(block, 60 * minutes)
-            compared += 1
+            row_count += 1
             expected_r, expected_v = (
                 [1e3 * x for x in half] for half in (state[:3], state[3:])
             )
@@ -71,7 +71,7 @@ def test_sgp4_verification():
                 number
             )
             assert math.dist(block.v_eci, expected_v) < 2e-6, number
-    assert compared > 600
+    assert row_count > 600
 
 
 def test_time_of_two_line_elements():

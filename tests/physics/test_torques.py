@@ -73,22 +73,22 @@ def test_gravity_gradient_is_the_differential_force():
     for m, p in zip(masses, places, strict=True):
         # the quadratic term in p/r is 1e-7 of it
         total += np.cross(p, -MU * m * (r + p) / np.linalg.norm(r + p) ** 3)
-    found = torques.gravity_gradient(tuple(r), tuple(inertia.ravel()))
-    assert np.allclose(found, total, rtol=1e-5, atol=1e-12)
+    torque = torques.gravity_gradient(tuple(r), tuple(inertia.ravel()))
+    assert np.allclose(torque, total, rtol=1e-5, atol=1e-12)
 
 
 @given(vec3, vec3)
 def test_drag_and_radiation_on_an_area(v, centre):
     speed = vector.scale(7500.0, v)
-    expected = np.cross(
+    torque = np.cross(
         centre, -0.5 * 1e-12 * 2.2 * np.linalg.norm(speed) * np.array(speed)
     )
     # torques of up to 3e-4 N m: what cancels in one leaves 1e-20 in the other
     assert np.allclose(
-        torques.drag(speed, 1e-12, 2.2, centre), expected, rtol=1e-12, atol=1e-18
+        torques.drag(speed, 1e-12, 2.2, centre), torque, rtol=1e-12, atol=1e-18
     )
-    expected = np.cross(centre, -4.56e-6 * 1.5 * np.array(v))
-    assert np.allclose(torques.radiation(v, 4.56e-6, 1.5, centre), expected, atol=1e-20)
+    torque = np.cross(centre, -4.56e-6 * 1.5 * np.array(v))
+    assert np.allclose(torques.radiation(v, 4.56e-6, 1.5, centre), torque, atol=1e-20)
 
 
 def plate(normal, area, centre, specular=0.0, diffuse=0.0) -> torques.Plates:
@@ -112,8 +112,8 @@ def test_plates():
         [2 * x for x in black]
     )
     s = (0.6, 0.8, 0.0)
-    pushed = torques.radiation_on_plates(s, 4.56e-6, mirror)
-    assert pushed == pytest.approx(
+    mirror_torque = torques.radiation_on_plates(s, 4.56e-6, mirror)
+    assert mirror_torque == pytest.approx(
         np.cross((0, 0.1, 0), [-4.56e-6 * 2 * 2 * 0.36, 0, 0])
     )
 
@@ -180,8 +180,8 @@ def test_slope_moves_impulse_in_time(direction):
     block.output(1.0)
     tilt = [s / j for s, j in zip(slope, moments, strict=True)]
     assert block.impulse_eci == pytest.approx(-np.cross(tilt, slope) / 120.0, abs=1e-9)
-    turned = [2 * x for x in block.q_bi[:3]]
-    assert turned == pytest.approx([-x / 12 for x in tilt], abs=2e-8)
+    rotation = [2 * x for x in block.q_bi[:3]]
+    assert rotation == pytest.approx([-x / 12 for x in tilt], abs=2e-8)
 
 
 def test_starts_relative_to_the_orbit():
@@ -211,14 +211,16 @@ def test_a_driven_panel_faces_the_sun_as_a_flat_area_does() -> None:
     rows = (1.0, 0.0, 0.0, 2.0, 0.0, -1.5, 0.0, 0.0, 0.0) + (0.0,) * 9 * 15
     drives = (0.0, 3.0, 0.0) + (0.0,) * 45
     plates = torques.plates_of(rows)
-    turned = torques.facing(plates, torques.drives_of(rows, drives), sun)
+    sunward_plates = torques.facing(plates, torques.drives_of(rows, drives), sun)
     across = math.sqrt(sun[0] ** 2 + sun[2] ** 2)
     # a black plate whose normal is as near to the Sun as its drive lets it: cos is |s
     # across|
-    expected = torques.radiation(sun, 1.0, 2.0 * across, (0.0, -1.5, 0.0))
-    assert torques.radiation_on_plates(sun, 1.0, turned) == pytest.approx(expected)
-    fixed = torques.facing(plates, torques.drives_of(rows, (0.0,) * 48), sun)
-    assert fixed == plates
+    flat_torque = torques.radiation(sun, 1.0, 2.0 * across, (0.0, -1.5, 0.0))
+    assert torques.radiation_on_plates(sun, 1.0, sunward_plates) == pytest.approx(
+        flat_torque
+    )
+    undriven_plates = torques.facing(plates, torques.drives_of(rows, (0.0,) * 48), sun)
+    assert undriven_plates == plates
 
 
 def test_driven_panels_balance_in_a_run(tmp_path: Path) -> None:

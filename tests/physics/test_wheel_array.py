@@ -17,8 +17,8 @@ def test_too_few_axes_have_a_pseudo_inverse_too(wheels):
     axes[:, :wheels] = np.array([[0.6, 0.8, 0.0], [0.0, 0.6, 0.8], [0.6, 1.4, 0.8]]).T[
         :, :wheels
     ]
-    found = np.reshape(wheel_array.pseudo_inverse(tuple(axes.ravel())), (4, 3))
-    assert found == pytest.approx(np.linalg.pinv(axes), abs=1e-12)
+    inverse = np.reshape(wheel_array.pseudo_inverse(tuple(axes.ravel())), (4, 3))
+    assert inverse == pytest.approx(np.linalg.pinv(axes), abs=1e-12)
 
 
 number = st.floats(-10, 10, allow_nan=False)
@@ -31,6 +31,8 @@ def test_wheel_allocation_is_the_pseudo_inverse(axes, v):
     matrix = np.reshape(axes, (3, 4))
     if np.linalg.cond(matrix) > 1e3:
         return
-    found = wheel_array.to_wheels(wheel_array.pseudo_inverse(axes), v)
-    assert np.allclose(found, np.linalg.pinv(matrix) @ v, rtol=1e-6, atol=1e-7)
-    assert np.allclose(wheel_array.body_momentum(axes, found), v, rtol=1e-7, atol=1e-7)
+    wheel_values = wheel_array.to_wheels(wheel_array.pseudo_inverse(axes), v)
+    assert np.allclose(wheel_values, np.linalg.pinv(matrix) @ v, rtol=1e-6, atol=1e-7)
+    assert np.allclose(
+        wheel_array.body_momentum(axes, wheel_values), v, rtol=1e-7, atol=1e-7
+    )

@@ -36,8 +36,8 @@ PARTIAL = {"table.html", "figures.html", "scene.html"}
 
 def policy_of(page: str) -> str:
     """Return the policy of a page, which has exactly one."""
-    (found,) = html.fromstring(page).xpath(META)
-    return str(found)
+    (meta_policy,) = html.fromstring(page).xpath(META)
+    return str(meta_policy)
 
 
 def hash_of(code: str) -> str:
@@ -49,10 +49,10 @@ def hash_of(code: str) -> str:
 def check(page: str) -> None:
     """Assert that a page has a policy that allows what the page runs, and no more."""
     tree = html.fromstring(page)
-    allowed = policy_of(page)
-    assert "default-src 'none'" in allowed
-    assert "'unsafe-eval'" not in allowed.replace("'wasm-unsafe-eval'", "")
-    scripts = allowed.partition("script-src")[2].partition(";")[0].split()
+    page_policy = policy_of(page)
+    assert "default-src 'none'" in page_policy
+    assert "'unsafe-eval'" not in page_policy.replace("'wasm-unsafe-eval'", "")
+    scripts = page_policy.partition("script-src")[2].partition(";")[0].split()
     assert "'unsafe-inline'" not in scripts
     run = [e.text for e in tree.iter("script") if not e.get("type")]
     assert {hash_of(code) for code in run} == {s for s in scripts if "sha256" in s}
@@ -104,9 +104,9 @@ def test_a_script_of_somebody_else_is_not_allowed(monkeypatch):
     page = render(
         "new.html", title=policy.PLACEHOLDER, text="<script>alert(1)</script>"
     )
-    allowed = policy_of(page)
-    assert hash_of("alert(1)") not in allowed
-    assert hash_of(policy.part("locale.js")) in allowed
+    page_policy = policy_of(page)
+    assert hash_of("alert(1)") not in page_policy
+    assert hash_of(policy.part("locale.js")) in page_policy
 
 
 def test_the_page_within_an_fmu_has_a_policy():
@@ -136,15 +136,17 @@ longer, and are checked where they are made (tests/sizing/test_sizing.py, tests/
 def pages(tmp_path_factory) -> dict[str, Path]:
     """A page of each kind."""
     folder = tmp_path_factory.mktemp("pages")
-    found = {}
+    page_files = {}
     for kind, line in {"craft": CRAFT, **LINES}.items():
         with contextlib.chdir(folder):
-            done = CliRunner().invoke(cli.app_for([]), shlex.split(line))
-        assert done.exit_code in (0, 1), done.output  # 1: a requirement is not met
+            invocation = CliRunner().invoke(cli.app_for([]), shlex.split(line))
+        assert invocation.exit_code in (0, 1), (
+            invocation.output
+        )  # 1: a requirement is not met
         path = folder / f"{kind}.html"
-        found[kind] = path if path.exists() else folder / kind / "report.html"
-    del found["craft"]
-    return found
+        page_files[kind] = path if path.exists() else folder / kind / "report.html"
+    del page_files["craft"]
+    return page_files
 
 
 @pytest.mark.parametrize("kind", LINES)

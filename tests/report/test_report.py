@@ -31,13 +31,13 @@ from desat.runs.run import Options, execute, load_run
 
 
 def figure(lines, rows=100, *, name="a", step=1.0):
-    drawn = Figure(7.2, 2.9)
-    ax = drawn.add()
+    plot_figure = Figure(7.2, 2.9)
+    ax = plot_figure.add()
     times = np.arange(rows) * step
     for i in range(lines):
         ax.plot(times / 60.0, np.sin(times / 50.0 + i), "#0b62a4", name=f"{name} {i}")
     timeline(ax, 60.0, "min")
-    return drawn
+    return plot_figure
 
 
 def numbers(series):
@@ -58,9 +58,9 @@ def numbers(series):
 def test_thinning_keeps_least_and_most_of_each_part(rows, parts, less, seed):
     draw = np.random.default_rng(seed)
     x, y = np.cumsum(draw.uniform(0.1, 3.0, rows)), draw.normal(size=rows)
-    cut = max(1, rows - less)
+    row_count = max(1, rows - less)
     times, (first, second) = interactive.thinned(
-        [(x, y), (x[:cut], y[:cut])], 2 * parts
+        [(x, y), (x[:row_count], y[:row_count])], 2 * parts
     )
     assert len(times) == len(first) == len(second) <= max(2 * parts, 0)
     assert (np.diff(times) > 0.0).all()
@@ -68,7 +68,7 @@ def test_thinning_keeps_least_and_most_of_each_part(rows, parts, less, seed):
     assert times[-1] == x[-1]
     if rows <= 2 * parts:
         assert np.array_equal(first, y)
-        assert np.array_equal(second[:cut], y[:cut])
+        assert np.array_equal(second[:row_count], y[:row_count])
         return
     edges = np.linspace(x[0], x[-1], parts + 1)
     part = np.clip(np.searchsorted(edges, x, "right") - 1, 0, parts - 1)
@@ -97,11 +97,11 @@ def test_gaps_stay_gaps():
 
 
 def test_values_that_hardly_differ_keep_their_digits():
-    drawn, x = Figure(7.2, 2.9), np.arange(50.0)
-    ax = drawn.add()
+    plot_figure, x = Figure(7.2, 2.9), np.arange(50.0)
+    ax = plot_figure.add()
     ax.plot(x, 7.0e6 + 1e-3 * x, "#0b62a4")
     timeline(ax, 1.0, "s")
-    (plot,) = interactive.data_of([drawn])["plots"]
+    (plot,) = interactive.data_of([plot_figure])["plots"]
     assert np.abs(numbers(plot["series"][0]) - (7.0e6 + 1e-3 * x)).max() < 1e-8
 
 
@@ -123,8 +123,8 @@ def test_a_day_of_thirty_series_is_below_6_megabytes():
 
 @pytest.mark.parametrize("of", ["bars", "names below", "turns back", "two ordinates"])
 def test_what_the_script_cannot_draw_stays_svg(of):
-    drawn = figure(1)
-    (ax,) = drawn.axes
+    odd_figure = figure(1)
+    (ax,) = odd_figure.axes
     if of == "bars":
         ax.bars([1.0, 2.0], [2.0, 3.0], [1.0, 2.0], "#000000")
     elif of == "names below":
@@ -133,13 +133,13 @@ def test_what_the_script_cannot_draw_stays_svg(of):
         ax.plot([1.0, 2.0, 1.5], [2.0, 3.0, 1.0], "#000000")
     else:
         ax.right = Figure(1.0, 1.0).add()
-    answer = interactive.data_of([drawn, figure(1)])
+    answer = interactive.data_of([odd_figure, figure(1)])
     assert [bool(p) for p in answer["plots"]] == [False, True]
 
 
 def test_points_areas_and_upright_lines_are_drawn_over_any_x():
-    drawn, x = Figure(7.2, 2.9), np.array([0.1, 0.2, 0.4])
-    ax = drawn.add()
+    plot_figure, x = Figure(7.2, 2.9), np.array([0.1, 0.2, 0.4])
+    ax = plot_figure.add()
     ax.x.log, ax.x.label, ax.y.label = True, "coil [A m²]", "duty [%]"
     ax.plot(x, 1.0 / x, "#112233", label="model")
     ax.plot(
@@ -153,7 +153,7 @@ def test_points_areas_and_upright_lines_are_drawn_over_any_x():
     )
     ax.area(x, 0.0, x, "#445566", alpha=0.3, label="all")
     ax.upright(0.15, "#000000", label="least")
-    (plot,) = interactive.data_of([drawn])["plots"]
+    (plot,) = interactive.data_of([plot_figure])["plots"]
     assert (plot["axis"], plot["unit"], plot["xlog"], plot["seconds"]) == (
         "coil",
         "A m²",
@@ -173,8 +173,8 @@ def test_points_areas_and_upright_lines_are_drawn_over_any_x():
 
 
 def test_limits_go_across_and_fast_lines_are_whole():
-    drawn = figure(0)
-    (ax,) = drawn.axes
+    plot_figure = figure(0)
+    (ax,) = plot_figure.axes
     x = np.arange(5000.0)
     ax.area(
         x[:5],
@@ -187,7 +187,7 @@ def test_limits_go_across_and_fast_lines_are_whole():
     )
     ax.level(2.0, "#000000", label="limit")
     ax.band(-1.0, 1.0, "#000000", alpha=0.2, label="band")
-    (plot,) = interactive.data_of([drawn])["plots"]
+    (plot,) = interactive.data_of([plot_figure])["plots"]
     ((series,), level, band) = plot["series"], *plot["across"]
     assert series["label"] == "w"
     assert len(numbers(series)) == 5000
@@ -291,17 +291,17 @@ def test_its_data_are_those_of_the_run(page):
 
 
 def test_report_open(page, monkeypatch):
-    opened = []
+    uris = []
     monkeypatch.setattr(
-        webbrowser, "open", lambda uri: opened.append(uri) or len(opened) == 1
+        webbrowser, "open", lambda uri: uris.append(uri) or len(uris) == 1
     )
     for message in ("", "no browser was found"):
-        done = CliRunner().invoke(
+        invocation = CliRunner().invoke(
             cli.app_for([]), ["report", str(page.parent), "--open"]
         )
-        assert done.exit_code == 0
-        assert message in done.output
-    assert opened == 2 * [page.resolve().as_uri()]
+        assert invocation.exit_code == 0
+        assert message in invocation.output
+    assert uris == 2 * [page.resolve().as_uri()]
 
 
 # --- a campaign's ---------------------------------------------------------------------
@@ -310,7 +310,7 @@ def test_report_open(page, monkeypatch):
 @pytest.fixture(scope="module")
 def campaign(tmp_path_factory):
     folder = tmp_path_factory.mktemp("campaign") / "a b"
-    done = CliRunner().invoke(
+    invocation = CliRunner().invoke(
         cli.app_for([]),
         [
             "campaign",
@@ -325,7 +325,7 @@ def campaign(tmp_path_factory):
             str(folder),
         ],
     )
-    assert done.exit_code == 1, done.output  # nothing is dumped in 20 s
+    assert invocation.exit_code == 1, invocation.output  # nothing is dumped in 20 s
     return folder
 
 
@@ -426,15 +426,15 @@ def test_a_click_on_a_bar_names_its_cases_and_on_one_its_command(browser, campai
     data = json.loads(tab.evaluate("document.getElementById('told').textContent"))
     bars = data["histograms"][0]
     k = int(np.argmax(bars["counts"]))
-    drawn = tab.locator(".many svg").first
-    drawn.scroll_into_view_if_needed()
-    box = drawn.bounding_box()
+    histogram = tab.locator(".many svg").first
+    histogram.scroll_into_view_if_needed()
+    box = histogram.bounding_box()
     share = 0.5 * (bars["edges"][k] + bars["edges"][k + 1])
-    drawn.click(position={"x": share * box["width"], "y": 0.4 * box["height"]})
-    named = tab.locator("#named")
-    assert named.inner_text().endswith(": " + ", ".join(map(str, bars["cases"][k])))
-    named.locator(".case").last.click()
-    assert f"{data['command']} {bars['cases'][k][-1]}" in named.inner_text()
+    histogram.click(position={"x": share * box["width"], "y": 0.4 * box["height"]})
+    case_list = tab.locator("#named")
+    assert case_list.inner_text().endswith(": " + ", ".join(map(str, bars["cases"][k])))
+    case_list.locator(".case").last.click()
+    assert f"{data['command']} {bars['cases'][k][-1]}" in case_list.inner_text()
     tab.close()
 
 
@@ -468,9 +468,9 @@ def test_csv_of_a_figure_has_all_samples_to_six_digits(
     rows = [[float(x) for x in line.split(",")] for line in lines[1:]]
     assert [row[0] for row in rows] == run.results.times(series).tolist()
     values = factor * run.results.values(series)
-    found = np.array([row[1:] for row in rows])
+    csv_values = np.array([row[1:] for row in rows])
     sixth_digit = 10.0 ** (np.floor(np.log10(np.abs(values))) - 5.0)
-    assert (np.abs(found - values) < sixth_digit).all()
+    assert (np.abs(csv_values - values) < sixth_digit).all()
 
 
 def test_csv_of_a_page_without_all_samples_says_so_in_its_first_line(

@@ -30,7 +30,7 @@ def texts(table: Table) -> list[list[str]]:
 
 
 @pytest.mark.parametrize(
-    ("rows", "is_scaled", "shown"),
+    ("rows", "is_scaled", "cells"),
     [
         (
             [("a", 0.0584, "N.m.s"), ("b", 0.382, "N.m.s")],
@@ -68,9 +68,9 @@ def texts(table: Table) -> list[list[str]]:
         ),
     ],
 )
-def test_a_quantity_has_one_unit_within_a_table(rows, is_scaled, shown):
+def test_a_quantity_has_one_unit_within_a_table(rows, is_scaled, cells):
     table = Table("", QUANTITIES, rows, is_scaled=is_scaled)
-    assert [f"{value} {unit}" for _, value, unit in texts(table)] == shown
+    assert [f"{value} {unit}" for _, value, unit in texts(table)] == cells
 
 
 def test_a_heading_has_the_unit_of_its_column():
@@ -265,18 +265,18 @@ SIZE_ROWS = [
 ]
 
 
-def printed(text: str) -> list[list[str]]:
+def split_cells(text: str) -> list[list[str]]:
     """The cells of the lines of a terminal."""
     lines = [re.split(r"\s{2,}", line.strip()) for line in text.splitlines()]
     return [cells for cells in lines if cells != [""]]
 
 
 def test_size_prints_titles_values_and_units(capsys):
-    sized = sizing()
-    size_command._print_sizing(sized)
-    rows = printed(capsys.readouterr().out)
+    result = sizing()
+    size_command._print_sizing(result)
+    rows = split_cells(capsys.readouterr().out)
     first = rows.index(SIZE_ROWS[0])
-    assert " ".join(" ".join(row) for row in rows[:first]) == sized.answer
+    assert " ".join(" ".join(row) for row in rows[:first]) == result.answer
     assert rows[first:] == SIZE_ROWS
 
 
@@ -375,12 +375,14 @@ IN_SI = {"mN.m.s": 1e-3}
 def test_run_prints_titles_values_and_units(desat, tmp_path):
     """Of a craft of one's own, whose numbers are in N m s and in mN m s."""
     desat("new", "craft", "mine", "--size", "12U", cwd=tmp_path, check=True)
-    done = desat("run", "mine", "--stop", "600", "--all", "--out", "run", cwd=tmp_path)
+    command = desat(
+        "run", "mine", "--stop", "600", "--all", "--out", "run", cwd=tmp_path
+    )
     numbers = json.loads((tmp_path / "run" / "manifest.json").read_text())["numbers"]
-    rows = {row[0]: row[1:] for row in printed(done.stdout)}
+    rows = {row[0]: row[1:] for row in split_cells(command.stdout)}
     units = {entry["unit"] for entry in numbers.values()}
     assert {"N.m.s", "mN.m.s", "deg", "1"} <= units
-    shown = set()
+    shown_units = set()
     for entry in numbers.values():
         title = (
             f"{entry['title']} ({entry['note']})" if "note" in entry else entry["title"]
@@ -391,7 +393,7 @@ def test_run_prints_titles_values_and_units(desat, tmp_path):
             continue
         unit = rest[0] if rest and entry["unit"] != "1" else ""
         if entry["unit"].endswith("N.m.s"):
-            shown.add(unit)
+            shown_units.add(unit)
         else:
             assert unit == (
                 "" if entry["unit"] == "1" else entry["unit"].replace(".", " ")
@@ -400,7 +402,7 @@ def test_run_prints_titles_values_and_units(desat, tmp_path):
         assert float(value.replace(",", "")) * FACTORS.get(unit, 1.0) == pytest.approx(
             inputs, rel=6e-4
         )
-    assert len(shown) == 1, "a quantity has one unit"
+    assert len(shown_units) == 1, "a quantity has one unit"
     text = (tmp_path / "run" / "report.html").read_text()
     (duty,) = [row for title, row in rows.items() if title.startswith("Coil duty")]
     assert f'<td class="n">{duty[0]}<td class="k">%' in text

@@ -43,17 +43,17 @@ def folders(tmp_path_factory) -> Path:
 
 def places(document: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     """The places of all values below the top of a document."""
-    found = [path] if path else []
+    all_places = [path] if path else []
     if isinstance(document, dict):
         for key, value in document.items():
-            found += places(value, (*path, key))
+            all_places += places(value, (*path, key))
     elif isinstance(document, list):
         for key, value in enumerate(document[:2]):
-            found += places(value, (*path, key))
-    return found
+            all_places += places(value, (*path, key))
+    return all_places
 
 
-def changed(document: Any, path: tuple[Any, ...], value: Any) -> str:
+def change_value(document: Any, path: tuple[Any, ...], value: Any) -> str:
     """The text of a document with another value at a place."""
     document_copy = json.loads(json.dumps(document))
     owner = document_copy
@@ -84,9 +84,9 @@ def test_a_value_of_another_type_is_told(
         all_places := places(document), min(TRIED, len(all_places))
     ):
         value = draw.choice(VALUES)
-        (copy / file).write_text(changed(document, path, value))
-        done = desat(*command, str(copy))
-        assert done.returncode != Exit.BUG, (path, value, done.stderr)
+        (copy / file).write_text(change_value(document, path, value))
+        result = desat(*command, str(copy))
+        assert result.returncode != Exit.BUG, (path, value, result.stderr)
 
 
 @pytest.mark.parametrize("unit", [0, None, []])
@@ -97,9 +97,9 @@ def test_a_unit_that_is_no_text_is_named(folders, tmp_path, desat, unit):
     name = next(iter(document))
     document[name]["unit"] = unit
     (copy / "numbers.json").write_text(json.dumps(document))
-    done = desat("campaign", "report", str(copy))
-    assert done.returncode == Exit.INPUT
-    assert f"numbers.json: damaged ({name}.unit: " in done.stderr
+    command = desat("campaign", "report", str(copy))
+    assert command.returncode == Exit.INPUT
+    assert f"numbers.json: damaged ({name}.unit: " in command.stderr
 
 
 def test_a_manifest_without_connections_is_named(folders, tmp_path, desat):
@@ -107,10 +107,12 @@ def test_a_manifest_without_connections_is_named(folders, tmp_path, desat):
     shutil.copytree(folders / "run", copy)
     document = json.loads((copy / "manifest.json").read_text())
     for value in (None, {"a.b": None}):
-        (copy / "manifest.json").write_text(changed(document, ("connections",), value))
-        done = desat("report", str(copy))
-        assert done.returncode == Exit.INPUT
-        assert "manifest.json" in done.stderr
+        (copy / "manifest.json").write_text(
+            change_value(document, ("connections",), value)
+        )
+        command = desat("report", str(copy))
+        assert command.returncode == Exit.INPUT
+        assert "manifest.json" in command.stderr
 
 
 @pytest.mark.parametrize("command", ["report", "export run", "compare", "bound"])
@@ -119,9 +121,9 @@ def test_series_of_another_run_are_refused(folders, tmp_path, desat, command):
     shutil.copytree(folders / "run", copy)
     shutil.copy(folders / "other" / "series.h5", copy / "series.h5")
     more = [str(folders / "other")] if command == "compare" else []
-    done = desat(*command.split(), str(copy), *more)
-    assert done.returncode == Exit.INPUT
-    assert "its series are of another run" in done.stderr
+    result = desat(*command.split(), str(copy), *more)
+    assert result.returncode == Exit.INPUT
+    assert "its series are of another run" in result.stderr
     with pytest.raises(DesatError, match="its series are of another run"):
         load_run(copy)
 
@@ -143,7 +145,7 @@ def good_run(tmp_path_factory):
     """The folder in which a run lies."""
     folder = tmp_path_factory.mktemp("ends")
     line = "run nadir_day/day-dipole --stop 40 --blocks --substeps 1 --out good"
-    assert commands.ended(line.split(), folder)[0] in (0, 1)
+    assert commands.run_line(line.split(), folder)[0] in (0, 1)
     return folder
 
 
@@ -163,7 +165,7 @@ def assert_refused(bad, text):
     behind."""
     before = sorted(p.name for p in bad.iterdir())
     for line in READERS:
-        code, message = commands.ended(line.split(), bad.parent)
+        code, message = commands.run_line(line.split(), bad.parent)
         assert code == Exit.INPUT, (line, message)
         assert text in message, line
         assert "internal" not in message
@@ -213,39 +215,39 @@ def test_an_altered_manifest_is_refused_with_its_key(bad_run, path, value, text)
     assert_refused(bad_run, text)
 
 
-def _cut(file):
+def _truncate(file):
     file.write_bytes(file.read_bytes()[:3000])
 
 
 def _without_time(file):
-    with h5py.File(file, "r+") as opened:
-        del opened["time"]
+    with h5py.File(file, "r+") as series:
+        del series["time"]
 
 
 def _time_stands_still(file):
-    with h5py.File(file, "r+") as opened:
-        opened["time"][3] = opened["time"][2]
+    with h5py.File(file, "r+") as series:
+        series["time"][3] = series["time"][2]
 
 
 def _replace_series(value):
     def change(file):
-        with h5py.File(file, "r+") as opened:
-            del opened["spacecraft/q_bi"]
-            opened["spacecraft/q_bi"] = value
+        with h5py.File(file, "r+") as series:
+            del series["spacecraft/q_bi"]
+            series["spacecraft/q_bi"] = value
 
     return change
 
 
 def _group_is_a_series(file):
-    with h5py.File(file, "r+") as opened:
-        del opened["spacecraft"]
-        opened["spacecraft"] = np.zeros(3)
+    with h5py.File(file, "r+") as series:
+        del series["spacecraft"]
+        series["spacecraft"] = np.zeros(3)
 
 
 @pytest.mark.parametrize(
     "change",
     [
-        _cut,
+        _truncate,
         _without_time,
         _time_stands_still,
         _replace_series(np.zeros((4, 4))),
@@ -261,10 +263,10 @@ def test_damaged_series_are_refused_with_their_file(bad_run, change):
 
 
 def test_a_series_without_its_unit_is_refused_with_its_name(bad_run):
-    with h5py.File(bad_run / "series.h5", "r+") as opened:
-        del opened["spacecraft/q_bi"].attrs["unit"]
+    with h5py.File(bad_run / "series.h5", "r+") as series:
+        del series["spacecraft/q_bi"].attrs["unit"]
     line = "export run bad --format csv --out made"
-    code, message = commands.ended(line.split(), bad_run.parent)
+    code, message = commands.run_line(line.split(), bad_run.parent)
     assert code == Exit.INPUT
     assert "series.h5: spacecraft.q_bi, attribute unit, cannot be read" in message
     assert list((bad_run.parent / "made").iterdir()) == []
@@ -283,7 +285,7 @@ def test_a_folder_of_any_name_is_written(tmp_path, good_run, name):
         f"compare run-{name} {good_run / 'good'} --html made-{name}.html",
     )
     for line in lines:
-        code, message = commands.ended(line.split(), tmp_path)
+        code, message = commands.run_line(line.split(), tmp_path)
         assert code in (0, 1), (line, message)
     page = (tmp_path / f"made-{name}.html").read_bytes().decode()
     assert ("ger\ufffdt" if name == "ger\udce4t" else "ger\u00e4t") in page

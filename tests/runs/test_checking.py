@@ -366,12 +366,12 @@ def write_altitude(tmp_path: Path, unit: str | None) -> None:
 )
 def test_the_unit_of_a_parameter_is_read(tmp_path, unit, value):
     write_altitude(tmp_path, unit)
-    checked = prepare(str(tmp_path), Options(step=10.0, stop=600.0))
+    case = prepare(str(tmp_path), Options(step=10.0, stop=600.0))
     if isinstance(value, str):
-        assert any(value in problem for problem in checked.problems)
+        assert any(value in problem for problem in case.problems)
     else:
-        assert checked.problems == []
-        assert checked.system.components["environment"].parameters["altitude"] == value
+        assert case.problems == []
+        assert case.system.components["environment"].parameters["altitude"] == value
 
 
 def test_a_value_of_the_command_line_is_in_the_variables_own_unit(tmp_path):
@@ -382,7 +382,7 @@ def test_a_value_of_the_command_line_is_in_the_variables_own_unit(tmp_path):
     assert system.components["environment"].parameters["altitude"] == 5e5
 
 
-def unwired(name: str, *sets: str) -> list[str]:
+def find_problems(name: str, *sets: str) -> list[str]:
     return prepare(name, Options(sets=list(sets))).problems
 
 
@@ -412,15 +412,16 @@ def unwired(name: str, *sets: str) -> list[str]:
     ],
 )
 def test_physics_that_is_not_wired_is_refused(name, setting, lack):
-    assert unwired(name) == []
+    assert find_problems(name) == []
     assert any(
-        problem.endswith(f"craft.toml: {lack}") for problem in unwired(name, setting)
+        problem.endswith(f"craft.toml: {lack}")
+        for problem in find_problems(name, setting)
     )
 
 
 def test_an_input_that_is_given_counts_as_wired():
     drag = ("spacecraft.aerodynamics=area", "spacecraft.density=1e-12")
-    assert unwired("uosat12/flight-ocdc-1", *drag) == []
+    assert find_problems("uosat12/flight-ocdc-1", *drag) == []
 
 
 def test_a_wired_input_that_needs_another():
@@ -461,13 +462,13 @@ def test_every_check_of_an_analysis_is_in_a_list():
     from desat.runs.checks import CHECKS
     from desat.system import discovery
 
-    listed = {inspect.unwrap(check.find) for check in CHECKS}
+    listed_checks = {inspect.unwrap(check.find) for check in CHECKS}
     modules = discovery.load("analyses")
-    found = [
+    module_checks = [
         getattr(m, kind)
         for m in modules
         for kind in ("problems", "warnings")
         if hasattr(m, kind)
     ]
-    assert len(found) > 8
-    assert [f.__module__ for f in found if f not in listed] == []
+    assert len(module_checks) > 8
+    assert [f.__module__ for f in module_checks if f not in listed_checks] == []

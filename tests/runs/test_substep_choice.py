@@ -168,7 +168,7 @@ def random_craft(seed):
 def test_auto_on_random_craft():
     """Five that nothing was tuned with. One is refused only where the reference itself
     takes a change of its start, of a hundredth of `accuracy`, beyond `accuracy`."""
-    refused = 0
+    refusal_count = 0
     for seed in range(70_000, 70_005):
         name, values = random_craft(seed)
         case = prepare(name, Options(substeps=AUTO, stop=200.0, values=values))
@@ -178,11 +178,11 @@ def test_auto_on_random_craft():
             with pytest.raises(DesatError, match="the attitude would still err by"):
                 simulate(case)
             assert amplifies(name, values), seed
-            refused += 1
+            refusal_count += 1
         else:
             (error, _), manifest = fly(name, substeps=AUTO, stop=200.0, values=values)
             holds(manifest, error)
-    assert refused <= 1
+    assert refusal_count <= 1
 
 
 def amplifies(name, values):
@@ -190,8 +190,8 @@ def amplifies(name, values):
     ends = []
     for rate in (0.0, 1e-9):
         omega = [x + rate for x in values["spacecraft.omega_start_body"]]
-        changed = {**values, "spacecraft.omega_start_body": omega}
-        system, _ = prepare(name, Options(stop=200.0, values=changed)).or_raise()
+        other_start = {**values, "spacecraft.omega_start_body": omega}
+        system, _ = prepare(name, Options(stop=200.0, values=other_start)).or_raise()
         ends.append(Gyrostat(system).ideal().q)
     return np.radians(pointing(*ends)).max() > 1e-7
 
@@ -312,12 +312,12 @@ def test_jitter_has_its_place_in_the_warning(tmp_path):
         case = prepare(target, Options(substeps=count, values=values))
         return case.warnings, simulate(case).results.values("spacecraft.q_bi")
 
-    warned, q = flown_with(1)
+    run_warnings, q = flown_with(1)
     truth = flown_with(1000)[1]
     error = float(np.radians(pointing(q, truth)).max())
-    (line,) = (w for w in warned if "jitter of unbalanced" in w)
-    stated = float(line.split("error of about ")[1].split(" ")[0])
-    assert 1.0 < stated / error < 10.0
+    (line,) = (w for w in run_warnings if "jitter of unbalanced" in w)
+    estimate = float(line.split("error of about ")[1].split(" ")[0])
+    assert 1.0 < estimate / error < 10.0
     quiet = {**values, "wheels.unbalance": 0.0}
     warnings = prepare(target, Options(values=quiet)).warnings
     assert not any("jitter of unbalanced" in w for w in warnings)
@@ -344,15 +344,15 @@ def test_a_scenario_that_gives_none_chooses(tmp_path):
     options = simulate(prepare(target, Options(substeps=choice["substeps"])))
     assert "substep_choice" not in options.manifest
     same = simulate(prepare(target, Options(blocks=True, loop="python"))).results
-    supervised = simulate(prepare(target, Options(supervised=True))).results
+    supervised_results = simulate(prepare(target, Options(supervised=True))).results
     for name in ("spacecraft.q_bi", "wheels.h_wheel"):
-        for other in (options.results, same, supervised):
+        for other in (options.results, same, supervised_results):
             assert run.results.values(name).tobytes() == other.values(name).tobytes()
     finer = simulate(prepare(target, Options(accuracy=1e-9)))
     assert finer.manifest["substeps"] > choice["substeps"]
-    named = write_own(tmp_path, "stop = 60\naccuracy = 1e-9", "named")
+    own_file = write_own(tmp_path, "stop = 60\naccuracy = 1e-9", "named")
     assert (
-        simulate(prepare(named, Options())).manifest["substeps"]
+        simulate(prepare(own_file, Options())).manifest["substeps"]
         == finer.manifest["substeps"]
     )
 
@@ -442,21 +442,21 @@ def test_a_run_that_leaves_the_range_of_its_flights_is_made_again(monkeypatch):
 
 def test_a_run_is_made_three_times_at_most(monkeypatch):
     """And says that it would want more still."""
-    collected, simulated = [], running._simulate
+    substep_counts, simulate_once = [], running._simulate
 
     def more(target, system, options, choice, results):
         again = [*choice.again, "it turns"]
         return replace(choice, substeps=2 * choice.substeps, again=again)
 
-    def counted(case, choice, *rest):
-        collected.append(choice.substeps)
-        return simulated(case, choice, *rest)
+    def count_substeps(case, choice, *rest):
+        substep_counts.append(choice.substeps)
+        return simulate_once(case, choice, *rest)
 
     monkeypatch.setattr(substep_choice, "choose_again", more)
-    monkeypatch.setattr(running, "_simulate", counted)
+    monkeypatch.setattr(running, "_simulate", count_substeps)
     run = simulate(prepare("gyrostat/pulses", Options(substeps=AUTO, stop=20.0)))
-    first = collected[0]
-    assert collected == [first, 2 * first, 4 * first]
+    first = substep_counts[0]
+    assert substep_counts == [first, 2 * first, 4 * first]
     assert run.manifest["substeps"] == 4 * first
     message = f"made 3 times, it would want {8 * first} substeps still: it turns"
     assert message in run.manifest["warnings"]
@@ -485,9 +485,9 @@ def test_a_packed_scenario_has_what_its_run_chose(tmp_path):
         tmp_path / "own.ssp",
         choose=lambda s: substep_choice.settled("own", s),
     )
-    packed = simulate(prepare(str(path), Options(fmus="native")))
-    assert "substep_choice" not in packed.manifest
-    assert packed.manifest["substeps"] == run.manifest["substeps"] > 1
+    packed_run = simulate(prepare(str(path), Options(fmus="native")))
+    assert "substep_choice" not in packed_run.manifest
+    assert packed_run.manifest["substeps"] == run.manifest["substeps"] > 1
 
 
 def test_a_resumed_run_keeps_its_choice(tmp_path, monkeypatch):
@@ -495,11 +495,13 @@ def test_a_resumed_run_keeps_its_choice(tmp_path, monkeypatch):
     full = simulate(prepare(target, Options()), tmp_path / "whole").manifest
     broken(target, Options(checkpoint=10.0), tmp_path / "cut", monkeypatch, 100)
     monkeypatch.setattr(substep_choice, "choose", None)  # it is not made anew
-    cut = resume(tmp_path / "cut").manifest
-    assert cut["status"] == "completed"
-    assert cut["substeps"] == full["substeps"] > 1
+    resumed_manifest = resume(tmp_path / "cut").manifest
+    assert resumed_manifest["status"] == "completed"
+    assert resumed_manifest["substeps"] == full["substeps"] > 1
     for name in ("estimated_attitude_error", "pointing"):
-        assert cut["numbers"][name]["value"] == full["numbers"][name]["value"]
+        assert (
+            resumed_manifest["numbers"][name]["value"] == full["numbers"][name]["value"]
+        )
 
 
 @pytest.mark.parametrize(
@@ -580,9 +582,16 @@ def test_draws_sweeps_and_campaigns_take_substeps_as_a_run_does(desat, tmp_path)
     ]
     numbers = [[row.numbers for row in x.rows] for x in results]
     assert numbers[0] != numbers[1]
-    chosen = ("--substeps", "auto", "--accuracy", "1e-3", "--out", str(tmp_path / "c"))
-    done = desat("campaign", "run", name, "-n", "1", *short, *chosen)
-    assert done.returncode == 1, done.stderr  # one case shows no requirement
+    choice_options = (
+        "--substeps",
+        "auto",
+        "--accuracy",
+        "1e-3",
+        "--out",
+        str(tmp_path / "c"),
+    )
+    command = desat("campaign", "run", name, "-n", "1", *short, *choice_options)
+    assert command.returncode == 1, command.stderr  # one case shows no requirement
     assert read(tmp_path / "c").options == Options(
         stop=60.0, substeps=AUTO, accuracy=1e-3
     )
@@ -657,18 +666,18 @@ def test_the_first_of_the_strongest_pulses_is_looked_at():
 
 
 def test_a_raised_estimate_needs_no_second_flight_below_the_accuracy():
-    seen = (0.1, 1e-3, 1e-4)
-    choice = substep_choice.SubstepChoice(1, 1e-5, 1e-7, reached=seen)
+    extremes = (0.1, 1e-3, 1e-4)
+    choice = substep_choice.SubstepChoice(1, 1e-5, 1e-7, reached=extremes)
 
-    def reached(turning, pushed, changed):
-        rows = (np.array([0.0, x]) for x in (turning, pushed, changed))
+    def make_extremes(turning, kick, change):
+        rows = (np.array([0.0, x]) for x in (turning, kick, change))
         return coverage.Reached(np.array([0.0, 1.0]), *rows)
 
-    grown = substep_choice._grown(choice, reached(0.2, 1e-3, 3e-4))
-    assert grown is not None
-    assert grown.estimate == pytest.approx(6e-7)
-    assert grown.reached == pytest.approx((0.2, 1e-3, 3e-4))
-    assert substep_choice._grown(choice, reached(2.0, 1e-3, 1e-3)) is None
+    new_choice = substep_choice._grown(choice, make_extremes(0.2, 1e-3, 3e-4))
+    assert new_choice is not None
+    assert new_choice.estimate == pytest.approx(6e-7)
+    assert new_choice.reached == pytest.approx((0.2, 1e-3, 3e-4))
+    assert substep_choice._grown(choice, make_extremes(2.0, 1e-3, 1e-3)) is None
 
 
 @pytest.mark.slow
@@ -749,8 +758,11 @@ def test_a_case_beyond_the_others_is_looked_at_again(tmp_path, monkeypatch):
     choice = substep_choice.choose_for_cases(first, Cases(source), options, values_of)
     values = {**values_of(5), "spacecraft.omega_start_body": [0.05, -0.05, 0.05]}
     run = simulate(prepare(source, replace(options, values=values)), choice=choice)
-    found = run.manifest.substep_choice
-    assert found.substeps > choice.substeps or found.estimate > 3.0 * choice.estimate
+    choice_of_run = run.manifest.substep_choice
+    assert (
+        choice_of_run.substeps > choice.substeps
+        or choice_of_run.estimate > 3.0 * choice.estimate
+    )
 
 
 def test_a_passage_that_was_seen_is_not_looked_at_again():

@@ -46,7 +46,7 @@ def tree(tmp_path) -> Path:
     return tmp_path
 
 
-def changed(tree: Path, change: str, old: str, new: str) -> None:
+def change_file(tree: Path, change: str, old: str, new: str) -> None:
     """Replace a text in the file that CONTRIBUTING names for a change."""
     file = tree / TABLE[change].replace("orchestrator/", "desat/")
     text = file.read_text(encoding="utf-8")
@@ -77,19 +77,19 @@ def test_a_measure_a_field_of_the_manifest_and_a_colour_are_a_change_of_one_file
         measures.read_text(encoding="utf-8") + MEASURE, encoding="utf-8"
     )
     message = "a field of the manifest"
-    changed(
+    change_file(
         tree,
         message,
         '    platform: str = ""\n',
         '    planned: int = 0\n    platform: str = ""\n',
     )
-    changed(
+    change_file(
         tree,
         message,
         "step=system.step,",
         "step=system.step, planned=system.steps + 1,",
     )
-    changed(tree, "a colour of plots", "#0b62a4", "#123456")
+    change_file(tree, "a colour of plots", "#0b62a4", "#123456")
     (tree / "here").mkdir()
     (tree / "here" / "mine.toml").write_text(SCENARIO)
     command(tree, "run", "mine.toml", "--stop", "5", "--blocks", "--out", "run")

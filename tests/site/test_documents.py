@@ -86,8 +86,8 @@ def command_lines(text: str) -> Iterator[str]:
             yield line.strip()
     prose = FENCED.sub("", text)
     for line in re.sub(r"\\\n\s*", " ", prose).splitlines():
-        if found := INDENTED.match(line):
-            yield found[1]
+        if match := INDENTED.match(line):
+            yield match[1]
     for span in SPAN.findall(prose):
         yield " ".join(span.split())
 
@@ -129,7 +129,7 @@ def wrong_words(command: Any, words: list[str]) -> str:
         else:
             return f"no command {name}"
         command = command.commands[name]
-    known = {x for p in command.params for x in (*p.opts, *p.secondary_opts)} | {
+    options = {x for p in command.params for x in (*p.opts, *p.secondary_opts)} | {
         "--help"
     }
     if (
@@ -137,18 +137,18 @@ def wrong_words(command: Any, words: list[str]) -> str:
         and command is not TREE
         and "run" in command.commands
     ):
-        known |= {x for p in command.commands["run"].params for x in p.opts}
+        options |= {x for p in command.commands["run"].params for x in p.opts}
     cases = (
         w.partition("=")[0].rstrip(".,;") for w in words if re.match(r"--?[a-zA-Z]", w)
     )
-    return ", ".join(f"no option {w}" for w in cases if w not in known)
+    return ", ".join(f"no option {w}" for w in cases if w not in options)
 
 
 def lists_of_commands(text: str) -> Iterator[list[str]]:
     """Yield lists of inline code that are lists of commands: `desat run`, `sweep` and
     `tables`."""
-    for found in LIST.findall(FENCED.sub("", text)):
-        spans = SPAN.findall(found)
+    for list_text in LIST.findall(FENCED.sub("", text)):
+        spans = SPAN.findall(list_text)
         if any(s.startswith(("desat.", "{{")) for s in spans):
             continue  # of functions of Python, or of the verbs of a template
         bare = [s.removeprefix("desat ") for s in spans]
@@ -189,10 +189,10 @@ def test_commands_of_pages_are_there(page: Path) -> None:
     ],
 )
 def test_a_command_that_is_not_there_is_found(text: str, reason: str) -> None:
-    found = [w for line in command_lines(text) if (w := wrong_with(line))]
+    complaints = [w for line in command_lines(text) if (w := wrong_with(line))]
     for names in lists_of_commands(text):
-        found += [f"no command {n}" for n in names if n not in TREE.commands]
-    assert found == ([reason] if reason else [])
+        complaints += [f"no command {n}" for n in names if n not in TREE.commands]
+    assert complaints == ([reason] if reason else [])
 
 
 @pytest.mark.parametrize(
@@ -202,12 +202,12 @@ def test_the_front_door_says_how_many_values_of_each_paper_are_within_their_band
     family,
 ) -> None:
     page = (ROOT / "docs" / "papers" / family / "README.md").read_text(encoding="utf-8")
-    banded, within = re.findall(
+    band_count, within = re.findall(
         r"Of (\d+) values with a band, (\d+) lie within it", page
     )[0]
     front = re.sub(r"\s+", " ", (ROOT / "README.md").read_text(encoding="utf-8"))
     before = front[: front.index(f"(docs/papers/{family}/")]
-    assert re.findall(r"(\d+) of (\d+)", before)[-1] == (within, banded)
+    assert re.findall(r"(\d+) of (\d+)", before)[-1] == (within, band_count)
 
 
 def test_the_page_of_equality_says_of_how_many_scenarios_it_is() -> None:
@@ -357,15 +357,17 @@ def test_a_number_on_a_page_is_held_or_accepted() -> None:
     """A new number in prose is made by a generator or a script of tests/site/test_site.py,
     or stands in ACCEPTED with its reason; one that is gone leaves there."""
     docs = ROOT / "docs"
-    written = {docs / page for page in GENERATED} | set(SCRIPTS)
-    pages = [p for p in PAGES if p.name != "CHANGELOG.md" and p not in written]
+    generated_pages = {docs / page for page in GENERATED} | set(SCRIPTS)
+    pages = [p for p in PAGES if p.name != "CHANGELOG.md" and p not in generated_pages]
     pages = [p for p in pages if docs / "papers" not in p.parents]
-    found = {
+    numbers_by_page = {
         str(page.relative_to(ROOT)): unheld(page.read_text(encoding="utf-8"))
         for page in [*pages, *sorted(docs.glob("*.template"))]
     }
-    accepted = {page: set(numbers) for page, numbers in ACCEPTED.items()}
-    assert {page: numbers for page, numbers in found.items() if numbers} == accepted
+    accepted_numbers = {page: set(numbers) for page, numbers in ACCEPTED.items()}
+    assert {
+        page: numbers for page, numbers in numbers_by_page.items() if numbers
+    } == accepted_numbers
 
 
 @pytest.mark.parametrize(("page", "generator"), GENERATED.items())

@@ -134,15 +134,15 @@ def repository(tmp_path_factory):
     """A copy of the repository with what is built, and `names`, where `desat` is that
     copy."""
     copy = tmp_path_factory.mktemp("family") / "copy"
-    listed = subprocess.run(
+    tracked_files = subprocess.run(
         ["git", "ls-files", "-co", "--exclude-standard"],
         cwd=ROOT,
         check=True,
         capture_output=True,
         text=True,
     ).stdout.splitlines()
-    built = [f"fmus/dist/{name}.fmu" for name in ("spacecraft_rigid", "wheels")]
-    for name in (*listed, *built):
+    built_fmus = [f"fmus/dist/{name}.fmu" for name in ("spacecraft_rigid", "wheels")]
+    for name in (*tracked_files, *built_fmus):
         if (ROOT / name).is_file() and not name.startswith("docs/papers/"):
             (copy / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, copy / name)
@@ -173,7 +173,7 @@ def test_a_family_touches_no_existing_file(repository):
             **os.environ,
             "PYTHONPATH": f"{repository.parent / 'names'}:{repository}",
         }
-        done = subprocess.run(
+        process = subprocess.run(
             [sys.executable, "-m", *command],
             cwd=repository.parent,
             env=environment,
@@ -182,8 +182,8 @@ def test_a_family_touches_no_existing_file(repository):
             check=False,
             timeout=100,
         )
-        assert done.returncode == 0, done.stdout + done.stderr
-        return done.stdout
+        assert process.returncode == 0, process.stdout + process.stderr
+        return process.stdout
 
     before = hashes()
     for name, text in FILES.items():

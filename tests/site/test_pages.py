@@ -27,11 +27,13 @@ from tests.conftest import ROOT
 def test_bands_cover_the_run(values):
     times = np.arange(len(values) + 1.0)
     spans = plots.bands(times, np.array(values), columns=10**6)
-    held = {value: sum(end - begin for begin, end in found) for value, found in spans}
-    assert held == {v: pytest.approx(values.count(v)) for v in set(values)}
-    for value, found in spans:
-        assert all(values[int(begin)] == value for begin, _ in found)
-    assert [held[v] for v, _ in spans] == sorted(held.values(), reverse=True)
+    durations = {
+        value: sum(end - begin for begin, end in parts) for value, parts in spans
+    }
+    assert durations == {v: pytest.approx(values.count(v)) for v in set(values)}
+    for value, parts in spans:
+        assert all(values[int(begin)] == value for begin, _ in parts)
+    assert [durations[v] for v, _ in spans] == sorted(durations.values(), reverse=True)
 
 
 def test_a_short_mode_is_seen_and_a_chatter_is_few_spans():
@@ -42,7 +44,7 @@ def test_a_short_mode_is_seen_and_a_chatter_is_few_spans():
     ((begin, end),) = spans[4]
     assert begin == 50_000.0
     assert end - begin == pytest.approx(100_000 / plots.COLUMNS)
-    assert all(len(found) <= plots.COLUMNS for found in spans.values())
+    assert all(len(parts) <= plots.COLUMNS for parts in spans.values())
     assert list(spans)[-1] == 4  # on top of those that hold longer
 
 
@@ -70,10 +72,10 @@ def test_series_compute():
     assert (a.sum_of_sizes() * 2.0 / 7.0).values.tolist() == [2.0] * 5
     assert a.element(2).largest() == 4.0
     assert a.every(2).times.tolist() == [0.0, 2.0, 4.0]
-    switched = Series(
+    averages = Series(
         np.arange(5.0), np.array([[4.0], [0.0], [2.0], [0.0], [9.0]])
     ).mean_over(2)
-    assert (switched.times.tolist(), switched.values.tolist()) == (
+    assert (averages.times.tolist(), averages.values.tolist()) == (
         [0.5, 2.5],
         [[2.0], [1.0]],
     )
@@ -185,7 +187,7 @@ def test_the_interval_of_a_median_is_between_two_values():
 
 
 @pytest.fixture
-def written(monkeypatch, tmp_path):
+def write_page(monkeypatch, tmp_path):
     """Write a template as the page of `plant`, in little time; gives the page's text."""
 
     def write(text: str) -> str:
@@ -198,10 +200,10 @@ def written(monkeypatch, tmp_path):
     return write
 
 
-def test_verbs(written, tmp_path):
+def test_verbs(write_page, tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "old.svg").write_text("<svg/>")
-    text = written(
+    text = write_page(
         """# Title
 A paragraph
 of two lines, {{ value("reference", "largest_speed")|fixed(3) }} rad/s.
@@ -263,9 +265,9 @@ After it {{ setting("reference", "step") }}.
         ('{{ spread("reference", "largest_speed") }}', "no samples of plant there"),
     ],
 )
-def test_what_is_wrong_names_the_line(written, line, message):
+def test_what_is_wrong_names_the_line(write_page, line, message):
     with pytest.raises(DesatError) as error:
-        written(f"# Title\n\n{line}\n")
+        write_page(f"# Title\n\n{line}\n")
     assert "page.md:3: " in str(error.value)
     assert message in str(error.value)
     assert "\n" not in str(error.value)

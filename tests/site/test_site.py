@@ -83,14 +83,14 @@ def blocks(page: Path) -> list[Block]:
     ]
 
 
-def same(message: str, printed: str) -> bool:
+def same(message: str, word: str) -> bool:
     """Whether a word of a page is what was printed; a number within a unit of its last
     digit."""
-    if message == printed:
+    if message == word:
         return True
     a, b = (
         NUMBER.fullmatch(message.strip(STRIPPED)),
-        NUMBER.fullmatch(printed.strip(STRIPPED)),
+        NUMBER.fullmatch(word.strip(STRIPPED)),
     )
     if not a or not b:
         return False
@@ -100,27 +100,27 @@ def same(message: str, printed: str) -> bool:
     return abs(float(plain) - float(b[0].replace(",", ""))) <= 1.001 * digit
 
 
-def matches(message: list[str], printed: list[str]) -> bool:
+def matches(message: list[str], words: list[str]) -> bool:
     """Whether words are those that were printed; `...` stands for any number of them."""
     if not message:
-        return not printed
+        return not words
     if message[0] == "...":
-        return any(matches(message[1:], printed[i:]) for i in range(len(printed) + 1))
+        return any(matches(message[1:], words[i:]) for i in range(len(words) + 1))
     parts = message.index("...") if "..." in message else len(message)
-    if len(printed) < parts or not all(map(same, message[:parts], printed)):
+    if len(words) < parts or not all(map(same, message[:parts], words)):
         return False
-    return matches(message[parts:], printed[parts:])
+    return matches(message[parts:], words[parts:])
 
 
 def shell(text: str, folder: Path) -> str:
     """What commands print."""
-    printed = ""
+    output = ""
     for line in text.replace("\\\n", " ").splitlines():
         words = shlex.split(line, comments=True)
         if not words:
             continue
         assert words[0] == "desat", line
-        done = subprocess.run(
+        process = subprocess.run(
             [sys.executable, "-m", "desat.cli", *words[1:]],
             cwd=folder,
             text=True,
@@ -129,9 +129,9 @@ def shell(text: str, folder: Path) -> str:
             check=False,
             env={**os.environ, "COLUMNS": "160"},
         )
-        assert done.returncode in (0, 1), f"{line}: {done.stdout}"
-        printed += done.stdout
-    return printed
+        assert process.returncode in (0, 1), f"{line}: {process.stdout}"
+        output += process.stdout
+    return output
 
 
 def cpu() -> float:
@@ -142,21 +142,21 @@ def cpu() -> float:
 def run(page: Path, folder: Path) -> list[tuple[Block, str]]:
     """Run a page's blocks; each with what it printed."""
     names: dict[str, object] = {"__name__": "page"}
-    done = []
+    outputs = []
     for block in blocks(page):
-        printed = ""
+        output = ""
         if block.file:
             (folder / block.file).write_text(block.text, encoding="utf-8")
         elif block.kind == "shell":
-            printed = shell(block.text, folder)
+            output = shell(block.text, folder)
         elif block.kind == "python":
             out = io.StringIO()
             with contextlib.redirect_stdout(out):
                 code = "\n" * block.line + block.text
                 exec(compile(code, str(page), "exec", dont_inherit=True), names)
-            printed = out.getvalue()
-        done.append((block, printed))
-    return done
+            output = out.getvalue()
+        outputs.append((block, output))
+    return outputs
 
 
 @pytest.fixture(scope="module")
@@ -176,10 +176,10 @@ def test_a_page_does_what_it_says(page, cache, tmp_path, monkeypatch):
         matplotlib.use("svg")
         ran = run(page, tmp_path)
     spent = cpu() - before
-    for (_, printed), (block, _) in pairwise(ran):
+    for (_, output), (block, _) in pairwise(ran):
         if block.kind == "text":
-            assert matches(block.text.split(), printed.split()), (
-                f"{page.name}:{block.line}: printed\n{printed}"
+            assert matches(block.text.split(), output.split()), (
+                f"{page.name}:{block.line}: printed\n{output}"
             )
     for name in set(
         re.findall(r"!\[[^\]]*\]\(([^)/]+\.svg)\)", page.read_text(encoding="utf-8"))
@@ -203,7 +203,7 @@ def test_pages_that_are_read_first_are_short(page):
 
 
 @pytest.mark.parametrize(
-    ("message", "printed", "is_so"),
+    ("message", "output", "is_so"),
     [
         ("a 1.23 ... b", "a 1.2349 x y b", True),
         ("a 1.23 ... b", "a 1.25 x y b", False),
@@ -214,8 +214,8 @@ def test_pages_that_are_read_first_are_short(page):
         ("...", "", True),
     ],
 )
-def test_the_runner_tells_numbers_and_words_apart(message, printed, is_so):
-    assert matches(message.split(), printed.split()) is is_so
+def test_the_runner_tells_numbers_and_words_apart(message, output, is_so):
+    assert matches(message.split(), output.split()) is is_so
 
 
 @pytest.mark.parametrize(
@@ -243,20 +243,20 @@ def test_plain_equations_become_latex_or_stay_as_they_are(monkeypatch, plain, te
     assert result is None if tex is None else tex in result
 
 
-def reached(html: Path) -> set[str]:
+def find_linked_pages(html: Path) -> set[str]:
     """The pages that links lead to, from the first on."""
-    seen: set[str] = set()
+    page_names: set[str] = set()
     remaining = ["index.html"]
     while remaining:
         name = remaining.pop()
-        if name not in seen and name != "12u.html":  # which `make site` adds
-            seen.add(name)
+        if name not in page_names and name != "12u.html":  # which `make site` adds
+            page_names.add(name)
             text = (html / name).read_text(encoding="utf-8")
             remaining += [
                 os.path.relpath((html / name).parent / link, html)
                 for link in re.findall(r'href="([^"#:]+\.html)', text)
             ]
-    return seen
+    return page_names
 
 
 @pytest.mark.slow
@@ -266,7 +266,7 @@ def test_the_site_builds_in_a_minute_every_page_is_reached_and_none_needs_a_netw
     pytest.importorskip("sphinx")
     before = cpu()
     html = tmp_path / "html"
-    done = subprocess.run(
+    process = subprocess.run(
         [
             sys.executable,
             "-m",
@@ -286,12 +286,12 @@ def test_the_site_builds_in_a_minute_every_page_is_reached_and_none_needs_a_netw
         capture_output=True,
         check=False,
     )
-    assert done.returncode == 0, done.stderr[-4000:]
+    assert process.returncode == 0, process.stderr[-4000:]
     assert cpu() - before < 60.0
     pages = {
         p.relative_to(DOCS).with_suffix(".html").as_posix() for p in DOCS.rglob("*.md")
     }
-    assert pages <= reached(html)
+    assert pages <= find_linked_pages(html)
     page = (html / "generated/blocks/manager_cross_product.html").read_text(
         encoding="utf-8"
     )
@@ -310,8 +310,8 @@ def test_the_notebook_gives_its_outputs(tmp_path):
     """Every cell runs, and prints and shows what is stored."""
     nbformat = pytest.importorskip("nbformat")
     nbclient = pytest.importorskip("nbclient")
-    stored = nbformat.read(DOCS / "tutorials" / "7-notebook.ipynb", 4)
-    again = nbformat.reads(nbformat.writes(stored), 4)
+    notebook = nbformat.read(DOCS / "tutorials" / "7-notebook.ipynb", 4)
+    again = nbformat.reads(nbformat.writes(notebook), 4)
     nbclient.NotebookClient(
         again,
         timeout=200,
@@ -319,7 +319,7 @@ def test_the_notebook_gives_its_outputs(tmp_path):
         resources={"metadata": {"path": tmp_path}},
     ).execute()
 
-    def shown(cell):
+    def list_outputs(cell):
         prints = "".join(
             o["text"]
             for o in cell.outputs
@@ -336,6 +336,6 @@ def test_the_notebook_gives_its_outputs(tmp_path):
     cells = [c for c in again.cells if c.cell_type == "code"]
     assert len(cells) >= 6
     for cell, before in zip(
-        cells, [c for c in stored.cells if c.cell_type == "code"], strict=True
+        cells, [c for c in notebook.cells if c.cell_type == "code"], strict=True
     ):
-        assert shown(cell) == shown(before), cell.source
+        assert list_outputs(cell) == list_outputs(before), cell.source

@@ -161,19 +161,19 @@ def test_the_programme_is_its_dual_by_another_solver(seed):
     best = min(
         minimize(cost, x, method="Nelder-Mead", options=fine).fun for x in starts
     )
-    expected = np.linalg.norm(torque) / (best / 1e3)
-    assert solve_programme(able, torque) == pytest.approx(expected, rel=1e-7)
+    dual_value = np.linalg.norm(torque) / (best / 1e3)
+    assert solve_programme(able, torque) == pytest.approx(dual_value, rel=1e-7)
 
 
 def test_where_the_field_stays_rods_do_nothing_along_it():
     flight, hardware = still(), craft()
     able = reach(flight, hardware)
-    found = compute_geometry(
+    geometry = compute_geometry(
         flight, hardware, able, np.array([0.0, 0.0, TORQUE]), TORQUE / FIELD
     )
-    assert abs(found.weakest[0]) > 0.99
-    assert found.weakness < 0.15
-    assert found.blind == 0.0
+    assert abs(geometry.weakest[0]) > 0.99
+    assert geometry.weakness < 0.15
+    assert geometry.blind == 0.0
     blind = compute_geometry(
         flight, hardware, able, np.array([TORQUE, 0.0, 0.0]), 1.0
     ).blind
@@ -197,9 +197,9 @@ def test_a_law_is_what_its_block_says():
     requests = ask(law_by(cross_block(), "x", target), flight, rows)
     h = np.array([3e-3, -1e-3, 2e-3])
     for k, row in enumerate(rows):
-        expected = cross_product.normalised(tuple(h), tuple(flight.b[row]), 2e-3)
+        law_dipole = cross_product.normalised(tuple(h), tuple(flight.b[row]), 2e-3)
         assert requests.gain[k] @ h + requests.offset[k] == pytest.approx(
-            expected, rel=1e-12
+            law_dipole, rel=1e-12
         )
 
 
@@ -209,16 +209,16 @@ def test_the_model_steps_as_written_out(saturation):
     flight, hardware, m, target = turning(), craft(), 0.05, np.array([1e-3, 0.0, -2e-3])
     flight = replace(flight, h_start=np.array([0.01, -0.02, 0.005]))
     law = law_by(cross_block(h_deadband=4e-3, saturation=saturation), "x", target)
-    found = fly([track_of(flight, law, hardware)], law, hardware, [0.2 * m, m])
+    flight_numbers = fly([track_of(flight, law, hardware)], law, hardware, [0.2 * m, m])
     h, sizes, duty = flight.h_start.copy(), [np.linalg.norm(flight.h_start)], []
     for k in range(len(flight.times) - 1):
         away = h - target
-        expected = np.zeros(3)
+        law_dipole = np.zeros(3)
         if np.linalg.norm(away) > 4e-3:
-            expected = np.array(
+            law_dipole = np.array(
                 cross_product.normalised(tuple(away), tuple(flight.b[k]), 2e-3)
             )
-        coils = np.clip(expected, -m, m)
+        coils = np.clip(law_dipole, -m, m)
         duty.append(np.abs(coils).mean() / m)
         middle = (flight.b[k] + flight.b[k + 1]) / 2.0
         h = (
@@ -228,11 +228,11 @@ def test_the_model_steps_as_written_out(saturation):
             + np.cross(coils, middle) * 10.0
         )
         sizes.append(np.linalg.norm(h))
-    assert found.rms[0, 0, 1] == pytest.approx(
+    assert flight_numbers.rms[0, 0, 1] == pytest.approx(
         np.sqrt(np.mean(np.square(sizes))), rel=1e-10
     )
-    assert found.largest[0, 0, 1] == pytest.approx(max(sizes), rel=1e-10)
-    assert found.duty[0, 0, 1] == pytest.approx(np.mean(duty), rel=1e-10)
+    assert flight_numbers.largest[0, 0, 1] == pytest.approx(max(sizes), rel=1e-10)
+    assert flight_numbers.duty[0, 0, 1] == pytest.approx(np.mean(duty), rel=1e-10)
 
 
 @pytest.mark.parametrize(
@@ -263,8 +263,8 @@ def test_a_native_fmu_gives_a_law_as_its_block_does(model, monkeypatch):
 
     def answer():
         block = block_class(model)()
-        found = ask(law_by(block, model, np.zeros(3)), flight, rows)
-        return found, block
+        answers = ask(law_by(block, model, np.zeros(3)), flight, rows)
+        return answers, block
 
     native, block = answer()
     assert (
@@ -274,10 +274,12 @@ def test_a_native_fmu_gives_a_law_as_its_block_does(model, monkeypatch):
         is not None
     )
     monkeypatch.setattr(law_module, "native_of", lambda block: None)
-    written, _ = answer()
-    largest = np.abs(written.gain).max()
-    assert native.gain == pytest.approx(written.gain, rel=1e-12, abs=1e-14 * largest)
-    assert native.offset == pytest.approx(written.offset, rel=1e-12)
+    block_answers, _ = answer()
+    largest = np.abs(block_answers.gain).max()
+    assert native.gain == pytest.approx(
+        block_answers.gain, rel=1e-12, abs=1e-14 * largest
+    )
+    assert native.offset == pytest.approx(block_answers.offset, rel=1e-12)
 
 
 def test_a_law_that_comes_to_remember_is_refused(monkeypatch):
@@ -506,9 +508,11 @@ def test_a_flight_without_a_run_is_that_of_a_run():
     off = np.abs(reference_sizing.b - run.b[::10]).max(axis=1) / np.abs(run.b).max()
     assert off.max() < 2e-4
     assert off[24:-24].max() < 3e-5
-    expected, _ = secular(run)
-    found, _ = secular(reference_sizing)
-    assert found == pytest.approx(expected, abs=0.01 * np.linalg.norm(expected))
+    run_torque, _ = secular(run)
+    sizing_torque, _ = secular(reference_sizing)
+    assert sizing_torque == pytest.approx(
+        run_torque, abs=0.01 * np.linalg.norm(run_torque)
+    )
     assert reference_sizing.body[1000:].mean(axis=0) == pytest.approx(
         run.body[10000:].mean(axis=0), abs=2e-5
     )
@@ -524,14 +528,18 @@ def test_the_torque_of_an_independent_estimate():
     normal = np.cross(run.r[0], run.v[0]) / np.linalg.norm(np.cross(run.r[0], run.v[0]))
     # u = z of lvlh; only its part about y, minus the orbit's normal, stays where it is
     # in eci
-    expected = 3.0 * n**2 * np.cross([0.0, 0.0, 1.0], j @ [0.0, 0.0, 1.0])[1] * -normal
+    gravity_torque = (
+        3.0 * n**2 * np.cross([0.0, 0.0, 1.0], j @ [0.0, 0.0, 1.0])[1] * -normal
+    )
     since = run.source_times - run.source_times[0]
     impulse = run.sources["gravity gradient"]
-    found = (
+    mean_torque = (
         np.array([np.interp(run.orbits_duration, since, x) for x in impulse.T])
         / run.orbits_duration
     )
-    assert found == pytest.approx(expected, abs=0.02 * np.linalg.norm(expected))
+    assert mean_torque == pytest.approx(
+        gravity_torque, abs=0.02 * np.linalg.norm(gravity_torque)
+    )
 
 
 # --- crafts that nobody chose; all ten and a day each: `make sizing`, docs/sizing.md --
@@ -589,13 +597,13 @@ def test_a_map_says_of_its_orbit_what_the_model_says_of_a_run(tmp_path):
     empty = replace(run, h_start=run.body[5000:].mean(axis=0) - run.body[0])
     ours = fly([track_of(empty, law, hardware)], law, hardware, axes.rods)
     share = ours.wheel[0, 0] / smallest_wheel_capacity(hardware)
-    for name, expected in (
+    for name, model_value in (
         ("rms", ours.rms[0, 0]),
         ("duty", ours.duty[0, 0]),
         ("filled", share),
     ):
         assert getattr(reference_sizing, name)[0, 0, 0, 0] == pytest.approx(
-            expected, rel=0.03
+            model_value, rel=0.03
         ), name
     assert reference_sizing.as_json()["holds"] == reference_sizing.holds.tolist()
     page = sizing_page.write_map(reference_sizing, tmp_path / "map.html").read_text()
@@ -853,9 +861,9 @@ def test_a_craft_whose_rods_do_not_hold_on_the_worst_day(tmp_path):
     )
     text = reference_sizing.as_json()
     assert text["recommended"] == reference_sizing.recommended > text["recommended_day"]
-    recommended = Options(values={"torquers.m_limit": reference_sizing.recommended})
+    with_rods = Options(values={"torquers.m_limit": reference_sizing.recommended})
     assert (
-        execute(str(tmp_path / "my12u" / "worst.toml"), recommended).manifest.not_met
+        execute(str(tmp_path / "my12u" / "worst.toml"), with_rods).manifest.not_met
         == []
     )
     assert text["detumbling_recommended"] == pytest.approx(
@@ -864,7 +872,7 @@ def test_a_craft_whose_rods_do_not_hold_on_the_worst_day(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("needed", "has", "text"),
+    ("required_momentum", "has", "text"),
     [
         (0.0909, 12.0, "0.0909 of 12 N m s"),
         (0.00389, 0.015, "3.89 of 15 mN m s"),
@@ -873,8 +881,8 @@ def test_a_craft_whose_rods_do_not_hold_on_the_worst_day(tmp_path):
         (0.9, 1234.0, "0.9 of 1234 N m s"),
     ],
 )
-def test_needed_and_had_are_in_one_unit(needed, has, text):
-    assert format_momenta(needed, has) == text
+def test_needed_and_had_are_in_one_unit(required_momentum, has, text):
+    assert format_momenta(required_momentum, has) == text
 
 
 def test_a_rod_is_rounded_up_to_what_is_typed():
@@ -918,8 +926,10 @@ GEO_WHEELS = np.array([[1, -1, -1, 1], [1, 1, -1, -1], [1, 1, 1, 1]]) / 3.0**0.5
 def test_propellant_of_pairs_is_what_each_axis_takes():
     """Where wheels are fullest, between two axes, both pairs fire: 1.41 of the least."""
     flight, hardware = geo()
-    turned = np.roll(np.eye(3), 1, axis=0)  # the turning axis is the wheels' second
-    hardware = replace(hardware, axes_wheel=turned @ GEO_WHEELS)
+    rotated_axes = np.roll(
+        np.eye(3), 1, axis=0
+    )  # the turning axis is the wheels' second
+    hardware = replace(hardware, axes_wheel=rotated_axes @ GEO_WHEELS)
     system, _ = prepare(NAME, Options()).or_raise()
     spent, least = compute_propellant(
         system, flight, hardware, np.array([76.9e-6, 0, 0]), SizingRequirements()

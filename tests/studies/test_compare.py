@@ -71,10 +71,10 @@ def test_runs_stand_side_by_side_with_their_differences(desat, craft):
     answer = json.loads(outcome.stdout)
     assert answer["targets"] == ["mine", "slow", "mine/tight.toml"]
     entry = answer["numbers"]["final_momentum"]
-    saved = json.loads((craft / "slow" / "manifest.json").read_text())["numbers"][
-        "final_momentum"
-    ]
-    assert entry["values"]["slow"] == saved["value"]
+    number_of_run = json.loads((craft / "slow" / "manifest.json").read_text())[
+        "numbers"
+    ]["final_momentum"]
+    assert entry["values"]["slow"] == number_of_run["value"]
     assert entry["differences"] == {
         t: pytest.approx(entry["values"]["mine"] - entry["values"][t], rel=1e-12)
         for t in answer["targets"][1:]
@@ -83,11 +83,11 @@ def test_runs_stand_side_by_side_with_their_differences(desat, craft):
     assert "Wheel momentum" in page
     assert page.count("<svg") == 6, "each plot of the first"
     assert all(colour in page for colour in COLOURS[:3]), "a colour a run"
-    shown = desat(
+    command = desat(
         "compare", "mine", "slow", "--stop", "300", "--html", "a.html", cwd=craft
     )
-    assert shown.returncode == 0
-    cells = table(shown.stdout, "Total wheel momentum at the end (body frame)")
+    assert command.returncode == 0
+    cells = table(command.stdout, "Total wheel momentum at the end (body frame)")
     values = [
         entry["values"]["mine"],
         entry["values"]["slow"],
@@ -163,9 +163,9 @@ def test_campaigns_are_compared(desat, craft):
             "--html: only comparisons of runs, without -n, have a page",
         ),
     ):
-        refused = desat("compare", "one", *arguments, cwd=craft)
-        assert refused.returncode == Exit.INPUT
-        assert text in refused.stderr
+        refusal = desat("compare", "one", *arguments, cwd=craft)
+        assert refusal.returncode == Exit.INPUT
+        assert text in refusal.stderr
 
 
 @pytest.mark.parametrize(
@@ -178,17 +178,17 @@ def test_campaigns_are_compared(desat, craft):
     ],
 )
 def test_what_cannot_be_compared(desat, craft, arguments, text):
-    refused = desat("compare", *arguments, "--stop", "60", cwd=craft)
-    assert refused.returncode == Exit.INPUT
-    assert text in refused.stderr
-    assert "Traceback" not in refused.stderr
+    refusal = desat("compare", *arguments, "--stop", "60", cwd=craft)
+    assert refusal.returncode == Exit.INPUT
+    assert text in refusal.stderr
+    assert "Traceback" not in refusal.stderr
 
 
 def test_a_run_has_nothing_to_draw(desat, craft):
     desat("run", "mine", "--stop", "20", "--out", "drawn", cwd=craft, check=True)
-    refused = desat("compare", "mine", "drawn", "-n", "3", cwd=craft)
-    assert refused.returncode == Exit.INPUT
-    assert "drawn: a run cannot be sampled" in refused.stderr
+    refusal = desat("compare", "mine", "drawn", "-n", "3", cwd=craft)
+    assert refusal.returncode == Exit.INPUT
+    assert "drawn: a run cannot be sampled" in refusal.stderr
 
 
 def test_numbers_are_compared_in_the_unit_of_the_first_run():
@@ -230,12 +230,14 @@ def test_numbers_are_compared_in_the_unit_of_the_first_run():
 def test_laws_that_hold_wheels_are_not_compared_with_one_that_brakes(
     desat, craft, scenario
 ):
-    refused = desat("compare", f"mine/{scenario}.toml", "--laws", "all", cwd=craft)
-    assert refused.returncode == Exit.INPUT
-    assert "brakes a tumbling craft" in refused.stderr
+    refusal = desat("compare", f"mine/{scenario}.toml", "--laws", "all", cwd=craft)
+    assert refusal.returncode == Exit.INPUT
+    assert "brakes a tumbling craft" in refusal.stderr
     both = desat("compare", "mine/detumbling.toml", "mine/rollout.toml", cwd=craft)
-    detumbled = table(both.stdout, "Detumbled: every rate below 0.3 deg/s for 10 min")
-    b_dot, rollout, less, unit = detumbled
+    detumbling_row = table(
+        both.stdout, "Detumbled: every rate below 0.3 deg/s for 10 min"
+    )
+    b_dot, rollout, less, unit = detumbling_row
     assert float(less) == pytest.approx(float(b_dot) - float(rollout), rel=1e-3)
     assert unit == "min"
 
@@ -444,7 +446,7 @@ def test_laws_are_ranked_over_samples(orbits, desat):
     """Numbers of a sample are those of the run with its values."""
     folder, _ = orbits
     options = ("--laws", "ccpl", "--by", "peak,emptying", "--stop", "1500", "--json")
-    done = desat(
+    command = desat(
         "compare",
         folder.name,
         "-n",
@@ -455,7 +457,7 @@ def test_laws_are_ranked_over_samples(orbits, desat):
         cwd=folder.parent,
         check=True,
     )
-    answer = json.loads(done.stdout)
+    answer = json.loads(command.stdout)
     assert (answer["samples"], answer["seed"]) == (3, 1)
     assert [law["failed"] for law in answer["laws"]] == [0, 0]
     source = read(str(folder))
@@ -465,15 +467,15 @@ def test_laws_are_ranked_over_samples(orbits, desat):
         run = execute(str(folder), Options(stop=1500.0, values=values))
         peaks.append(100.0 - run.manifest.numbers["momentum_margin"].value)
     (first,) = [law for law in answer["laws"] if law["own"]]
-    found = first["criteria"]["peak"]
-    assert found["n"] == 3
-    assert found["median"] == pytest.approx(sorted(peaks)[1], rel=1e-6)
+    peak = first["criteria"]["peak"]
+    assert peak["n"] == 3
+    assert peak["median"] == pytest.approx(sorted(peaks)[1], rel=1e-6)
 
 
 def test_a_law_of_ones_own_is_ranked_by_its_source(desat, craft):
     desat("new", "law", "theirs", cwd=craft, check=True)
     options = ("--laws", "ccpl", "--by", "peak", "--stop", "600", "--json")
-    done = desat(
+    command = desat(
         "compare",
         "mine",
         "--source",
@@ -482,7 +484,7 @@ def test_a_law_of_ones_own_is_ranked_by_its_source(desat, craft):
         cwd=craft,
         check=True,
     )
-    laws = {law["name"]: law["own"] for law in json.loads(done.stdout)["laws"]}
+    laws = {law["name"]: law["own"] for law in json.loads(command.stdout)["laws"]}
     assert laws == {"theirs": True, "ccpl": False}
 
 
@@ -525,8 +527,8 @@ def test_two_runs_end_with_a_sentence_that_says_what_differs(desat, craft):
     """A parameter, a law, a step; equal runs; and nothing for three."""
 
     def sentence(*arguments):
-        done = desat("compare", *arguments, "--stop", "600", "--json", cwd=craft)
-        return json.loads(done.stdout)["difference"]
+        command = desat("compare", *arguments, "--stop", "600", "--json", cwd=craft)
+        return json.loads(command.stdout)["difference"]
 
     text = sentence("mine", "mine/slow.toml")
     assert text.startswith("mine and mine-slow differ in manager.")

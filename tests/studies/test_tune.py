@@ -30,8 +30,8 @@ def model(home, monkeypatch):
     monkeypatch.chdir(home)
     requests: list[tuple[float, int]] = []
 
-    def use(of, missed=lambda gain: False):
-        def rows(tasks, jobs, title, progress, *known, runner):
+    def use(of, is_missed=lambda gain: False):
+        def rows(tasks, jobs, title, progress, *baseline_rows, runner):
             results = []
             for _, options, _seed, draw in tasks:
                 gain = options.values["manager.gain"]
@@ -39,7 +39,7 @@ def model(home, monkeypatch):
                 value = of(gain, random.Random(draw).uniform(-1.0, 1.0))
                 numbers = {
                     "final_momentum": value,
-                    "pointing": 9.0 if missed(gain) else 0.1,
+                    "pointing": 9.0 if is_missed(gain) else 0.1,
                     "largest_momentum": 10.0,
                     "coil_duty": 10.0,
                 }
@@ -120,7 +120,7 @@ def test_what_only_tuning_draws_like_is_not_confirmed(model):
 
 
 def test_a_requirement_is_not_given_up_for_a_number(model):
-    model(bowl, missed=lambda gain: gain < 6e-4)
+    model(bowl, is_missed=lambda gain: gain < 6e-4)
     tuning = study.tune(
         "mine", "manager.gain", "final_momentum", Options(), draws=3, unseen=8
     )
@@ -138,7 +138,7 @@ def test_what_the_craft_has_may_be_the_best(model):
     assert tuning.answer.endswith("is the best of its range already.")
 
 
-def tuned(best=2.0, **message):
+def make_tuning(best=2.0, **message):
     """A result over four values, 2 the craft's own plus what was found."""
     unseen = {
         "interval_holds": True,
@@ -171,7 +171,7 @@ def tuned(best=2.0, **message):
 
 
 def test_the_edge_of_the_range_is_its_first_or_last_value_alone(model):
-    results = {x: tuned(x).answer for x in (1.0, 2.0, 3.0, 4.0)}
+    results = {x: make_tuning(x).answer for x in (1.0, 2.0, 3.0, 4.0)}
     assert [
         x for x, text in results.items() if ", at the edge of its range." in text
     ] == [
@@ -200,16 +200,16 @@ def test_the_edge_of_the_range_is_its_first_or_last_value_alone(model):
 
 def test_what_touches_none_is_not_confirmed():
     """An interval that ends at 0, or one more draw that misses a requirement."""
-    assert tuned().confirmed
-    assert not tuned(interval=(0.0, 0.4)).confirmed
-    assert not tuned(missed_best=3).confirmed
-    assert not tuned(best=5.0).confirmed
-    assert not tuned(interval_holds=False).confirmed
-    assert tuned(most=True, interval=(-0.4, -0.1)).confirmed
-    assert not tuned(most=True, interval=(-0.4, 0.0)).confirmed
-    assert "better in 7;" not in tuned().answer
-    assert "better in 7" in tuned().answer
-    assert "better in 1" in tuned(most=True).answer
+    assert make_tuning().confirmed
+    assert not make_tuning(interval=(0.0, 0.4)).confirmed
+    assert not make_tuning(missed_best=3).confirmed
+    assert not make_tuning(best=5.0).confirmed
+    assert not make_tuning(interval_holds=False).confirmed
+    assert make_tuning(most=True, interval=(-0.4, -0.1)).confirmed
+    assert not make_tuning(most=True, interval=(-0.4, 0.0)).confirmed
+    assert "better in 7;" not in make_tuning().answer
+    assert "better in 7" in make_tuning().answer
+    assert "better in 1" in make_tuning(most=True).answer
 
 
 @pytest.mark.parametrize(
@@ -258,9 +258,9 @@ def test_what_touches_none_is_not_confirmed():
 )
 def test_wrong_wishes_are_refused_before_a_run(model, parameter, number, more, line):
     requests = model(bowl)
-    with pytest.raises(DesatError) as refused:
+    with pytest.raises(DesatError) as refusal:
         study.tune("mine", parameter, number, Options(), **more)
-    assert line in str(refused.value)
+    assert line in str(refusal.value)
     assert requests == []
 
 

@@ -29,11 +29,11 @@ def known_names(text: str) -> set[str]:
     """What a C file declares outside of its functions: macros, types, enumerators,
     objects, functions."""
     text = _ASIDE.sub('""', text).replace("\\\n", " ")
-    found = set(re.findall(r"^ *# *define (\w+)", text, re.M))
+    names = set(re.findall(r"^ *# *define (\w+)", text, re.M))
     text = re.sub(r"^ *#.*$", "", text, flags=re.M)
-    found |= set(re.findall(r"\b(?:struct|enum) (\w+) \{", text))
+    names |= set(re.findall(r"\b(?:struct|enum) (\w+) \{", text))
     for body in re.findall(r"^(?:typedef )?enum(?: \w+)? \{(.*?)\}", text, re.M | re.S):
-        found |= set(re.findall(r"(\w+)(?: = [^,]*)?(?:,|$)", body.strip()))
+        names |= set(re.findall(r"(\w+)(?: = [^,]*)?(?:,|$)", body.strip()))
     flat = text
     while (less := re.sub(r"\{[^{}]*\}", "", flat)) != flat:  # no bodies
         flat = less
@@ -42,16 +42,16 @@ def known_names(text: str) -> set[str]:
     for statement in re.split(r";|(?<=\))\s*\n(?=\w)|\n\n", flat):
         statement = re.sub(r"__\w+__\(\(.*?\)\)|\b__\w+\b", "", statement).strip()
         if pointer := re.match(r"[^(]*\(\*(?:const )?(\w+)\)", statement):
-            found.add(pointer[1])
+            names.add(pointer[1])
         elif function := re.match(r"[^(]*?(\w+)\(", statement):
-            found.add(function[1])
+            names.add(function[1])
         else:
-            found |= {
+            names |= {
                 x.split()[-1].strip("*")
                 for x in statement.split(",")
                 if " " in x.strip() or "*" in x
             }
-    return {x for x in found if x and not x.isdigit()}
+    return {x for x in names if x and not x.isdigit()}
 
 
 def foreign(text: str, own_scenario: str = "") -> list[str]:
@@ -105,14 +105,14 @@ def test_written_names_have_a_prefix(path):
 
 
 def test_translated_names_have_a_prefix():
-    found, count = {}, 0
+    foreign_names, count = {}, 0
     for fmu in sorted((paths.fmus() / "native").glob("*.fmu")):
         with zipfile.ZipFile(fmu) as archive:
             text = archive.read(f"sources/{fmu.stem}.c").decode()
-        found |= {f"{fmu.stem}: {n}": 1 for n in foreign(text)}
+        foreign_names |= {f"{fmu.stem}: {n}": 1 for n in foreign(text)}
         count += len(known_names(text))
     assert count > 1000
-    assert list(found) == []
+    assert list(foreign_names) == []
 
 
 def test_names_of_a_block_alone_have_a_prefix(tmp_path):
@@ -122,8 +122,8 @@ def test_names_of_a_block_alone_have_a_prefix(tmp_path):
 
 
 def test_names_of_a_loop_have_a_prefix(tmp_path):
-    exported = export("integrated/mil-nadir", Options(), LoopEnds(), tmp_path / "x.fmu")
-    with zipfile.ZipFile(exported) as archive:
+    loop_fmu = export("integrated/mil-nadir", Options(), LoopEnds(), tmp_path / "x.fmu")
+    with zipfile.ZipFile(loop_fmu) as archive:
         sources = [
             n
             for n in archive.namelist()

@@ -55,8 +55,8 @@ def modules(home: Path) -> dict[str, Path]:
     }
 
 
-def imported(
-    module: str, file: Path, known: dict[str, Path], name: str
+def find_imports(
+    module: str, file: Path, known_modules: dict[str, Path], name: str
 ) -> Iterator[str]:
     """The modules that a file imports, also within functions and for types alone: who
     reads the one must know the other."""
@@ -76,15 +76,15 @@ def imported(
                 continue
             path = start[len(name) + 1 :]
             substeps = f"{path}.{attribute}".lstrip(".")
-            yield substeps if substeps in known else path
+            yield substeps if substeps in known_modules else path
 
 
 def circle(home: Path, name: str = "desat") -> list[str]:
     """A circle of modules that import each other, or nothing."""
-    known = modules(home)
+    known_modules = modules(home)
     edges = {
-        m: set(imported(m, file, known, name)) & known.keys() - {m}
-        for m, file in known.items()
+        m: set(find_imports(m, file, known_modules, name)) & known_modules.keys() - {m}
+        for m, file in known_modules.items()
     }
     while leaves := [m for m, targets in edges.items() if not targets & edges.keys()]:
         for leaf in leaves:
@@ -131,12 +131,12 @@ def test_a_circle_is_found(tmp_path, line):
 
 def test_rooms_import_from_those_below_them():
     assert {p.parent.name for p in HOME.glob("*/*.py")} == {*ROOMS} - {*ABSENT}
-    known = modules(HOME)
+    known_modules = modules(HOME)
     rooms = {
         (module.partition(".")[0], target.partition(".")[0])
-        for module, file in known.items()
+        for module, file in known_modules.items()
         if module
-        for target in imported(module, file, known, "desat")
+        for target in find_imports(module, file, known_modules, "desat")
     }
     upward = {
         (package, other)
@@ -150,11 +150,11 @@ def test_rooms_import_from_those_below_them():
 
 def test_no_room_imports_one_behind_a_wall():
     """But for `desat.tables`, whose type `desat/__init__.py` names."""
-    known = modules(HOME)
-    del known[""]
+    known_modules = modules(HOME)
+    del known_modules[""]
     beyond = []
-    for module, file in known.items():
-        for target in imported(module, file, known, "desat"):
+    for module, file in known_modules.items():
+        for target in find_imports(module, file, known_modules, "desat"):
             package = target.partition(".")[0]
             if package in WALLED and module.partition(".")[0] != package:
                 beyond.append(f"{module} imports {target}")
@@ -186,14 +186,14 @@ def without(request, tmp_path_factory):
         (folder / name).symlink_to(ROOT / name)
 
     def run(code: str, *arguments: str) -> tuple[int, str]:
-        done = subprocess.run(
+        process = subprocess.run(
             [sys.executable, "-c", WITHOUT_CHECKOUT + code, *arguments],
             capture_output=True,
             text=True,
             cwd=folder,
             env={**os.environ, "PYTHONPATH": str(folder)},
         )
-        return done.returncode, done.stdout + done.stderr
+        return process.returncode, process.stdout + process.stderr
 
     return package, run
 
@@ -213,11 +213,13 @@ def test_the_core_works_without_a_room(without):
 
 def test_commands_of_an_absent_room_are_not_listed(without):
     package, run = without
-    listed = run(COMMAND, "--help")[1] + run(COMMAND, "export", "--help")[1]
-    assert "bound" in listed
+    help_text = run(COMMAND, "--help")[1] + run(COMMAND, "export", "--help")[1]
+    assert "bound" in help_text
     for other, names in COMMANDS_OF.items():
         for name in names:
-            assert (f"\n  {name} " in listed) == (other not in (package, *ABSENT)), name
+            assert (f"\n  {name} " in help_text) == (other not in (package, *ABSENT)), (
+                name
+            )
 
 
 def test_what_an_absent_room_does_is_refused_in_a_line(without):
@@ -244,24 +246,24 @@ def test_every_package_is_in_the_wheel():
     """setuptools finds no packages under another name than their folder's, so they are
     listed."""
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    listed = settings["tool"]["setuptools"]["packages"]
+    packages = settings["tool"]["setuptools"]["packages"]
     data = {"desat.ssp", "desat.docs"}
     names = {
         "orchestrator": "desat",
         "components": "desat.components",
         "fmus": "desat.fmus",
     }
-    found = {
+    code_folders = {
         ".".join([name, *file.parent.relative_to(ROOT / folder).parts])
         for folder, name in names.items()
         for file in (ROOT / folder).rglob("*.py")
     }
-    listed = [
+    packages = [
         name
-        for name in listed
+        for name in packages
         if name.split(".")[1:2] not in [[package] for package in ABSENT]
     ]
-    assert sorted(listed) == sorted(found | data)
+    assert sorted(packages) == sorted(code_folders | data)
     assert not {f"desat.{p.name}" for p in HOME.iterdir()} & data, (
         "data would hide a package"
     )

@@ -74,9 +74,11 @@ def pattern(word: str) -> re.Pattern[str]:
 def of_code(file: Path) -> Iterator[tuple[int, str]]:
     """Lines and texts of a file that are no single words, as names and keys, and no
     docstrings that are for its readers alone."""
-    printed = file.relative_to(ROOT).as_posix().startswith(PRINTED)
+    is_printed = file.relative_to(ROOT).as_posix().startswith(PRINTED)
     nodes = nodes_of(file)
-    docs = set() if printed else {id(n.value) for n in nodes if isinstance(n, ast.Expr)}
+    docs = (
+        set() if is_printed else {id(n.value) for n in nodes if isinstance(n, ast.Expr)}
+    )
     for node in nodes:
         text = (
             node.value
@@ -85,7 +87,7 @@ def of_code(file: Path) -> Iterator[tuple[int, str]]:
         )
         if isinstance(text, str) and " " in text.strip():
             equations = "\n".join(x for x in text.splitlines() if " = " not in x)
-            yield node.lineno, equations if printed else text
+            yield node.lineno, equations if is_printed else text
 
 
 def of_page(file: Path) -> Iterator[tuple[int, str]]:
@@ -120,13 +122,13 @@ def test_words_of_the_house_are_gone() -> None:
     """But where the command line says what takes the place of an option of before."""
     old = {word: pattern(word) for word in WORDS}
     assert len(old) >= 15
-    found = [
+    old_words = [
         f"{place}: {word!r} (now: {WORDS[word]}): {' '.join(text.split())[:100]}"
         for place, text in all_texts()
         for word, location in old.items()
         if location.search(text)
     ]
-    assert not found, "\n".join(found)
+    assert not old_words, "\n".join(old_words)
 
 
 @pytest.mark.parametrize(
@@ -196,16 +198,16 @@ class CodeNames:
 
     def _add_members(self, owner: str, tree: ast.Module | ast.ClassDef) -> None:
         """Add what a module or a class defines, imports or assigns."""
-        found = self.members.setdefault(owner, set())
+        members = self.members.setdefault(owner, set())
         for node in ast.walk(tree):
             if isinstance(node, ast.FunctionDef | ast.ClassDef):
-                found.add(node.name)
+                members.add(node.name)
             elif isinstance(node, ast.alias):
-                found.add(node.asname or node.name)
+                members.add(node.asname or node.name)
             elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
-                found.add(node.id)
+                members.add(node.id)
             elif isinstance(node, ast.Attribute):
-                found.add(node.attr)
+                members.add(node.attr)
             if isinstance(node, ast.ClassDef) and node is not tree:
                 self._add_members(node.name, node)
 
@@ -255,15 +257,17 @@ class CodeNames:
         if FILE_NAME.fullmatch(span):
             name = Path(span).name
             return [] if name in self.files | OF_OTHERS else [name]
-        owned = OWNED_NAME.match(span)
+        owned_name = OWNED_NAME.match(span)
         if (
-            owned is not None
-            and owned[1] in self.members
-            and owned[1] not in self.within[file]
+            owned_name is not None
+            and owned_name[1] in self.members
+            and owned_name[1] not in self.within[file]
         ):
-            return [] if owned[2] in self.members[owned[1]] else [owned[0]]
-        known = self.anywhere | self.within[file] | OF_OTHERS
-        return [name for name in IDENTIFIER.findall(span) if name not in known]
+            return (
+                [] if owned_name[2] in self.members[owned_name[1]] else [owned_name[0]]
+            )
+        known_names = self.anywhere | self.within[file] | OF_OTHERS
+        return [name for name in IDENTIFIER.findall(span) if name not in known_names]
 
 
 def texts_for_readers(file: Path) -> Iterator[tuple[int, str]]:
@@ -277,13 +281,13 @@ def texts_for_readers(file: Path) -> Iterator[tuple[int, str]]:
                 yield token.start[0], token.string
 
 
-def stale_names(files: Iterable[Path], known: CodeNames) -> Iterator[str]:
+def stale_names(files: Iterable[Path], code_names: CodeNames) -> Iterator[str]:
     """Yield a line for each text in backticks that names what the package does not
     have."""
     for file in files:
         for line, text in texts_for_readers(file):
             for span in re.findall(r"`([^`]+)`", text):
-                if unknown := known.unknown_in(span, file):
+                if unknown := code_names.unknown_in(span, file):
                     yield f"{file.relative_to(ROOT)}:{line}: `{span}`: no {', '.join(unknown)}"
 
 
@@ -344,29 +348,29 @@ KEPT_NAMES = {
 
 def bare_names(nodes: Iterable[ast.AST]) -> set[str]:
     """Return the bare participles and question words that code uses as names."""
-    found = set()
+    names = set()
     for node in nodes:
         match node:
             case ast.Name(id=name, ctx=ast.Store()):
-                found.add(name)
+                names.add(name)
             case ast.Attribute(attr=name, ctx=ast.Store()):
-                found.add(name)
+                names.add(name)
             case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
-                found.add(name)
+                names.add(name)
             case ast.ExceptHandler(name=str(name)) | ast.alias(asname=str(name)):
-                found.add(name)
+                names.add(name)
             case ast.arg(arg=name):
-                found.add(name)
-    return {name for name in found if name.strip("_").lower() in BARE_NAMES}
+                names.add(name)
+    return {name for name in names if name.strip("_").lower() in BARE_NAMES}
 
 
 def test_names_are_nouns_and_verbs() -> None:
-    found = {
+    bare_by_file = {
         (file.relative_to(ROOT).as_posix(), name)
         for file in files_in(*CODE, "tests", "benchmarks")
         for name in bare_names(nodes_of(file))
     }
-    assert found == set(KEPT_NAMES)
+    assert bare_by_file == set(KEPT_NAMES)
 
 
 def test_a_bare_name_is_found() -> None:
@@ -374,7 +378,7 @@ def test_a_bare_name_is_found() -> None:
     assert bare_names(ast.walk(tree)) == {"wanted", "kept", "own", "How"}
 
 
-def undocumented(nodes: Iterable[ast.AST]) -> Iterator[str]:
+def find_undocumented(nodes: Iterable[ast.AST]) -> Iterator[str]:
     """Yield the names under `Parameters` of docstrings that are no parameters."""
     for node in nodes:
         if not isinstance(node, (ast.FunctionDef, ast.ClassDef)):
@@ -385,16 +389,18 @@ def undocumented(nodes: Iterable[ast.AST]) -> Iterator[str]:
         if not heading:
             continue
         section = re.split(r"\n\n\w+\n-+\n", section)[0]
-        listed = {
+        section_names = {
             name.strip().lstrip("*")
             for line in section.splitlines()
             if line and not line.startswith(" ")
             for name in line.partition(":")[0].split(",")
         }
-        known = {x.arg for x in ast.walk(node) if isinstance(x, ast.arg)}
+        parameters = {x.arg for x in ast.walk(node) if isinstance(x, ast.arg)}
         if isinstance(node, ast.ClassDef):
-            known |= {x.target.id for x in node.body if is_field(x)}  # type: ignore[attr-defined]
-        yield from (f"{node.name}: {name}" for name in sorted(listed - known))
+            parameters |= {x.target.id for x in node.body if is_field(x)}  # type: ignore[attr-defined]
+        yield from (
+            f"{node.name}: {name}" for name in sorted(section_names - parameters)
+        )
 
 
 def is_field(node: ast.AST) -> bool:
@@ -403,12 +409,12 @@ def is_field(node: ast.AST) -> bool:
 
 
 def test_documented_parameters_exist() -> None:
-    found = [
+    wrong_names = [
         f"{file.relative_to(ROOT)}: {name}"
         for file in files_in(*CODE, "benchmarks")
-        for name in undocumented(nodes_of(file))
+        for name in find_undocumented(nodes_of(file))
     ]
-    assert found == []
+    assert wrong_names == []
 
 
 def test_a_parameter_that_is_not_there_is_found() -> None:
@@ -416,4 +422,4 @@ def test_a_parameter_that_is_not_there_is_found() -> None:
         "Do.\n\n    Parameters\n    ----------\n    x, y : float\n        Of it.\n    "
     )
     source = f'def f(x: float) -> None:\n    """{text}"""\n'
-    assert list(undocumented(ast.walk(ast.parse(source)))) == ["f: y"]
+    assert list(find_undocumented(ast.walk(ast.parse(source)))) == ["f: y"]

@@ -111,8 +111,8 @@ def changes(x: Any) -> Iterator[tuple[str, str, Any]]:
                 for kind, name, result in changes(entry):
                     yield kind, name, replace(x, **{f.name: _with(value, key, result)})
             elif isinstance(value, Mapping) and not isinstance(entry, Mapping):
-                changed = _with(value, key, other(entry))
-                yield type(x).__name__, f.name, replace(x, **{f.name: changed})
+                other_value = _with(value, key, other(entry))
+                yield type(x).__name__, f.name, replace(x, **{f.name: other_value})
 
 
 def _with(table: Any, key: Any, value: Any) -> Any:
@@ -129,17 +129,17 @@ def test_every_field_of_a_resolved_system_is_in_the_digest():
     )  # of the rest of a content: below
     system = replace(system, about=numbers, output_classes={"manager.mode": "state"})
     computes = dict.fromkeys([*system.components, "x"], "1")
-    before, seen, silent = digest(system, computes), set(), set()
+    before, fields, silent = digest(system, computes), set(), set()
     for kind, name, result in changes(system):
-        seen.add((kind, name))
+        fields.add((kind, name))
         if name == "components" and kind == "System":
             computes.update(dict.fromkeys(result.components, "1"))
         if digest(result, computes) == before:
             silent.add((kind, name))
     assert {"System", "Component", "Connection", "Interface", "Signal"} <= {
-        k for k, _ in seen
+        k for k, _ in fields
     }
-    assert len(seen) > 40
+    assert len(fields) > 40
     assert silent - {
         ("Connector", f) for f in ("name", "kind", "type", "unit", "line")
     } == {(kind, name) for kind, names in MOVES_NO_BIT.items() for name in names}
@@ -177,8 +177,10 @@ def test_neither_order_nor_texts_of_a_content_count_but_all_else_of_it():
     def of(**content: Any) -> str:
         return digest(replace(system, about=Content({**about, **content})), one)
 
-    mirrored = dict(reversed(system.components.items()))
-    result = replace(system, components=mirrored, connections=system.connections[::-1])
+    reversed_components = dict(reversed(system.components.items()))
+    result = replace(
+        system, components=reversed_components, connections=system.connections[::-1]
+    )
     assert digest(result, one) == before
     number = about["numbers"]["pointing"]
     assert of(title="x", description="x") == before
@@ -285,11 +287,11 @@ def test_a_campaign_does_not_go_on_with_another_wiring(mine, tmp_path, desat):
     """Neither by more cases, nor by a case again; the report still reads it, and says
     so."""
     folder = tmp_path / "campaign"
-    begun = ("campaign", str(mine), "--out", str(folder), "--jobs", "1", "-n")
-    assert desat(*begun, "2").returncode in (0, 1)
-    saved = store.digest(folder)
+    command_start = ("campaign", str(mine), "--out", str(folder), "--jobs", "1", "-n")
+    assert desat(*command_start, "2").returncode in (0, 1)
+    digest_text = store.digest(folder)
     rewire(mine)
-    for command in ((*begun, "4"), ("campaign", "case", str(folder), "1")):
+    for command in ((*command_start, "4"), ("campaign", "case", str(folder), "1")):
         outcome = desat(*command)
         assert outcome.returncode == Exit.INPUT, command
         assert (
@@ -298,7 +300,7 @@ def test_a_campaign_does_not_go_on_with_another_wiring(mine, tmp_path, desat):
         )
         assert "--out ANOTHER` begins anew" in outcome.stderr
         assert one_line(outcome)
-    assert store.digest(folder) == saved
+    assert store.digest(folder) == digest_text
     outcome = desat("campaign", "report", str(folder))
     assert outcome.returncode in (0, 1)
     assert (
@@ -354,9 +356,9 @@ def test_a_transformation_is_in_digest_manifest_and_design():
     results = {}
     for factor, offset in ((1.0, 0.0), (1e3, 0.0), (1.0, 1e-3)):
         wire = replace(first, factor=factor, offset=offset)
-        changed = replace(system, connections=(wire, *system.connections[1:]))
-        results[digest(changed, one)] = (
-            plan_of(changed)[f"{first.target}.{first.input}"],
+        rewired_system = replace(system, connections=(wire, *system.connections[1:]))
+        results[digest(rewired_system, one)] = (
+            plan_of(rewired_system)[f"{first.target}.{first.input}"],
             origin._wire(wire),
         )
     assert len(results) == len({repr(x[0]) for x in results.values()}) == 3
@@ -396,12 +398,12 @@ def test_stored_draws_are_of_wiring_and_blocks_too(monkeypatch):
     assert stored.digest(slower) != before
     with monkeypatch.context() as patch:
 
-        def rewired(*values: Any) -> Any:
+        def build_rewired(*values: Any) -> Any:
             draft = build(*values)
             draft.connections.pop()
             return draft
 
-        patch.setattr(stored, "build", rewired)
+        patch.setattr(stored, "build", build_rewired)
         assert stored.digest(scenario) != before
     monkeypatch.setattr(library, "computes", lambda name, fmu: "other")
     assert stored.digest(scenario) != before
@@ -415,10 +417,10 @@ def test_a_design_made_for_each_draw_counts_where_it_is_used():
     ]
     assert each
     before = stored.digest(each[0])
-    written = each[0].content.design.written
-    other = but(each[0].content, design={**written, "nodes": 7})
+    design_text = each[0].content.design.written
+    other = but(each[0].content, design={**design_text, "nodes": 7})
     assert stored.digest(replace(each[0], content=other)) != before
-    assert resolved(each[0].name, Options(blocks=True))[1] == written
+    assert resolved(each[0].name, Options(blocks=True))[1] == design_text
 
 
 # --- versions beside it ---------------------------------------------------------------
@@ -427,15 +429,15 @@ def test_a_design_made_for_each_draw_counts_where_it_is_used():
 def test_other_versions_are_refused_or_accepted(mine, tmp_path, desat, monkeypatch):
     """The cases that are there keep theirs; the report says which were made with which."""
     folder = tmp_path / "campaign"
-    begun = ("campaign", str(mine), "--out", str(folder), "--jobs", "1", "-n")
-    assert desat(*begun, "2").returncode in (0, 1)
+    command_start = ("campaign", str(mine), "--out", str(folder), "--jobs", "1", "-n")
+    assert desat(*command_start, "2").returncode in (0, 1)
     assert "different versions" not in desat("campaign", "report", str(folder)).stderr
     here = identity.versions()
     for name in ("desat", "numpy", "platform", "libm"):
         now = {**here, name: "0.1-other"}
         with monkeypatch.context() as patch:
             patch.setattr(plan, "versions", lambda now=now: now)
-            outcome = desat(*begun, "4")
+            outcome = desat(*command_start, "4")
             assert outcome.returncode == Exit.INPUT
             assert f"{name} was {here[name]}, and is 0.1-other" in outcome.stderr
             assert "--accept-versions continues" in outcome.stderr
@@ -447,10 +449,12 @@ def test_other_versions_are_refused_or_accepted(mine, tmp_path, desat, monkeypat
     before = store.read(folder).to_pylist()
     with monkeypatch.context() as patch:
         patch.setattr(plan, "versions", lambda: {**here, "numpy": "0.1-other"})
-        outcome = desat(*begun, "4", "--accept-versions")
+        outcome = desat(*command_start, "4", "--accept-versions")
     assert outcome.returncode in (0, 1), outcome.stderr
-    mixed = f"different versions: 2 with numpy 0.1-other; 2 with numpy {here['numpy']}"
-    assert mixed in outcome.stderr
+    version_line = (
+        f"different versions: 2 with numpy 0.1-other; 2 with numpy {here['numpy']}"
+    )
+    assert version_line in outcome.stderr
     after = store.read(folder).to_pylist()
     assert [r["versions"] for r in after[:2]] == [r["versions"] for r in before]
     assert [json.loads(r["versions"])["numpy"] for r in after[2:]] == ["0.1-other"] * 2
@@ -474,8 +478,8 @@ def test_a_worker_with_another_libm_makes_no_case(mine):
 
 def test_a_campaign_of_before_is_read_but_does_not_go_on(mine, tmp_path, desat):
     folder = tmp_path / "campaign"
-    begun = ("campaign", str(mine), "--out", str(folder), "--jobs", "1", "-n")
-    assert desat(*begun, "2").returncode in (0, 1)
+    command_start = ("campaign", str(mine), "--out", str(folder), "--jobs", "1", "-n")
+    assert desat(*command_start, "2").returncode in (0, 1)
     file = folder / plan.PLAN
     answer = json.loads(file.read_text())
     answer["digest"] = "ab" * 32
@@ -483,7 +487,7 @@ def test_a_campaign_of_before_is_read_but_does_not_go_on(mine, tmp_path, desat):
         k: answer["versions"][k] for k in ("desat", "numpy", "python")
     }
     file.write_text(json.dumps(answer))
-    for command in ((*begun, "4"), ("campaign", "case", str(folder), "1")):
+    for command in ((*command_start, "4"), ("campaign", "case", str(folder), "1")):
         outcome = desat(*command)
         assert outcome.returncode == Exit.INPUT
         assert "the desat that the campaign began with kept no digest" in outcome.stderr
@@ -520,8 +524,8 @@ def test_a_run_of_before_is_read_but_does_not_go_on(tmp_path, monkeypatch, desat
             patch.setattr(self, "_tell", without)
             tell(self)
 
-    with monkeypatch.context() as patched:
-        patched.setattr(checkpoint.Checkpoints, "save", of_before)
+    with monkeypatch.context() as patch:
+        patch.setattr(checkpoint.Checkpoints, "save", of_before)
         broken("nadir_day/day-dipole", options, folder, monkeypatch, 30)
     for name in ("manifest.json", "manifest.json.part"):
         if (folder / name).exists():
@@ -550,11 +554,11 @@ def test_it_costs_some_milliseconds():
     import time
 
     system, _ = prepare("nadir_day/day-dipole", Options()).or_raise()
-    taken = []
+    durations = []
     for _ in range(8):
         for c in system.components.values():
             vars(c.interface).pop("_digest", None)
         clock = time.perf_counter()
         identity.of_system(system, Options())
-        taken.append(time.perf_counter() - clock)
-    assert min(taken) < 0.02
+        durations.append(time.perf_counter() - clock)
+    assert min(durations) < 0.02

@@ -8,7 +8,7 @@ from desat.system.errors import nearest
 
 
 @pytest.mark.parametrize(
-    ("name", "known", "message"),
+    ("name", "candidates", "message"),
     [
         (
             "abcx",
@@ -30,8 +30,8 @@ from desat.system.errors import nearest
         ("x" * 201, ["y"], ""),
     ],
 )
-def test_the_nearest_name(name, known, message):
-    assert nearest(name, known) == message
+def test_the_nearest_name(name, candidates, message):
+    assert nearest(name, candidates) == message
 
 
 @pytest.mark.parametrize(

@@ -102,8 +102,8 @@ def test_what_derives_from_the_craft_follows_it():
     ],
 )
 def test_references_that_make_no_sense_are_refused(sets, fault):
-    checked = prepare("integrated/ideal-inertial", Options(sets=sets, blocks=True))
-    assert any(fault in problem for problem in checked.problems)
+    case = prepare("integrated/ideal-inertial", Options(sets=sets, blocks=True))
+    assert any(fault in problem for problem in case.problems)
 
 
 def test_a_window_that_is_not_reached_is_said():

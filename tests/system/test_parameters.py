@@ -49,18 +49,20 @@ def test_a_craft_that_extends_another_is_one_craft(write_own):
     )
     assert messages_of(target) == []
     run = execute(target, Options(blocks=True))
-    known = run.manifest["parameters"]
+    parameters = run.manifest["parameters"]
     assert (
-        known["controller"]["gain_matrix"]["value"]
-        == known["spacecraft"]["inertia"]["value"]
+        parameters["controller"]["gain_matrix"]["value"]
+        == parameters["spacecraft"]["inertia"]["value"]
     )
     results = run.results
-    dot = np.abs((results.values("spacecraft.q_bi") * _held(results)).sum(axis=1))
+    dot = np.abs(
+        (results.values("spacecraft.q_bi") * _read_target(results)).sum(axis=1)
+    )
     late = 2.0 * np.degrees(np.arccos(np.minimum(dot, 1.0)))[3000:]
     assert late.max() < 0.2
 
 
-def _held(results):
+def _read_target(results):
     q = results.values("guidance.q_ref_bi")
     return np.vstack([q, q[-1:]])[: len(results.values("spacecraft.q_bi"))]
 
@@ -134,11 +136,11 @@ OTHERS = [
 @pytest.mark.parametrize(("target", "craft", "stays", "text"), OTHERS)
 def test_what_is_of_another_craft_is_said(target, craft, stays, text):
     before = messages_of(target)
-    found = [x for x in messages_of(target, craft, stays) if x not in before]
+    new_messages = [x for x in messages_of(target, craft, stays) if x not in before]
     name = stays.partition("=")[0]
-    assert any(text in x and "Written as " in x for x in found), found
+    assert any(text in x and "Written as " in x for x in new_messages), new_messages
     assert [x for x in messages_of(target, stays) if name in x] == [], "equal: silent"
-    assert all(x.startswith("--set") for x in found if name in x), (
+    assert all(x.startswith("--set") for x in new_messages if name in x), (
         "it names who gave it"
     )
 
@@ -174,18 +176,18 @@ def test_a_default_that_is_not_the_crafts_is_said(write_own):
     text = (
         'extends = "nadir_day/day-dipole"\nwithout = ["parameters.manager.m_limit"]\n'
     )
-    found = messages_of(write_own(text))
-    assert len(found) == 1
+    warnings = messages_of(write_own(text))
+    assert len(warnings) == 1
     assert (
         "default: manager.m_limit = 20 A.m2, where torquers.m_limit is 5 A.m2"
-        in found[0]
+        in warnings[0]
     )
 
 
 def test_what_is_followed_is_there():
     """Each names the role and parameter of some block, in the parameter's own unit."""
     blocks = [registry.block_class(n) for n in registry.names()]
-    known = {f"{b.role}.{v.name}": v for b in blocks for v in b.variables}
+    known_parameters = {f"{b.role}.{v.name}": v for b in blocks for v in b.variables}
     following = [(b, v) for b in blocks for v in b.variables if v.follows]
     assert {v.name for _, v in following} == {
         "gain_matrix",
@@ -200,10 +202,12 @@ def test_what_is_followed_is_there():
     }
     for block, v in following:
         ends = names_in(v.follows)
-        assert ends <= known.keys(), f"{block.__name__}.{v.name}"
+        assert ends <= known_parameters.keys(), f"{block.__name__}.{v.name}"
         if v.name == "gain_matrix":
             continue
-        factors = [unit_of(known[end].unit).dimension for end in sorted(ends)]
+        factors = [
+            unit_of(known_parameters[end].unit).dimension for end in sorted(ends)
+        ]
         total = tuple(map(sum, zip(*factors, strict=True)))
         assert total == unit_of(v.unit).dimension, f"{block.__name__}.{v.name}"
 
@@ -234,10 +238,10 @@ def test_no_scenario_of_ours_is_half_another_craft():
         case = prepare(name, Options())
         for line in case.warnings:
             if ANOTHER in line:
-                known = table(case.system.components.values())
+                table_of_case = table(case.system.components.values())
                 parameter = next(p for p in MEANT if f" {p}" in line)
                 owner, _, key = parameter.partition(".")
-                assert key in known[owner]
+                assert key in table_of_case[owner]
                 assert any(name.startswith(x) for x in MEANT[parameter]), (
                     f"{name}: {line}"
                 )

@@ -28,11 +28,11 @@ def folder(tmp_path_factory) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("values", "expected"),
+    ("values", "value"),
     [("5", 5.0), ("5 km", 5.0), ("5000m", 5.0), (" .5e1 ", 5.0), (5.0, 5.0), (3, 3.0)],
 )
-def test_a_quantity_is_a_number_with_its_unit_or_without(values, expected):
-    assert Quantity("--x", "km", 1.0, 9.0)(values) == expected
+def test_a_quantity_is_a_number_with_its_unit_or_without(values, value):
+    assert Quantity("--x", "km", 1.0, 9.0)(values) == value
 
 
 @pytest.mark.parametrize(
@@ -51,9 +51,9 @@ def test_a_quantity_is_a_number_with_its_unit_or_without(values, expected):
     ],
 )
 def test_what_is_none_is_refused_with_the_option(values, message):
-    with pytest.raises(DesatError) as refused:
+    with pytest.raises(DesatError) as refusal:
         Quantity("--x", "km", 1.0, 9.0)(values)
-    assert str(refused.value).startswith(message)
+    assert str(refusal.value).startswith(message)
 
 
 REFUSED = {
@@ -100,7 +100,7 @@ REFUSED = {
 
 @pytest.mark.parametrize("line", REFUSED)
 def test_what_is_typed_and_means_nothing_is_a_line(folder, line):
-    code, message = commands.ended(shlex.split(line), folder)
+    code, message = commands.run_line(shlex.split(line), folder)
     assert (code, message.strip().count("\n")) == (2, 0), message
     assert message.startswith(f"error: {REFUSED[line]}")
     assert not (folder / "x").exists()
@@ -139,11 +139,15 @@ def test_the_epoch_of_a_craft_is_that_of_its_elements(tmp_path):
     assert (
         result["epoch"].isoformat() == "2019-12-09T16:38:29+00:00"
     )  # day 343.69339541
-    for epoch, expected in ((None, 0), ("2019-12-12", 0), ("2019-12-20T00:00:00Z", 1)):
+    for epoch, line_count in (
+        (None, 0),
+        ("2019-12-12", 0),
+        ("2019-12-20T00:00:00Z", 1),
+    ):
         facts = CraftFacts(tle=file, epoch=epoch)
         _, warnings = write_craft(tmp_path / "mine", facts, "", force=True)
         text = "the run is 11 days after the epoch of its elements"
-        assert sum(text in line for line in warnings) == expected
+        assert sum(text in line for line in warnings) == line_count
     with pytest.raises(
         DesatError,
         match=r"the run is 70 days before the epoch of its elements .*"
@@ -154,7 +158,7 @@ def test_the_epoch_of_a_craft_is_that_of_its_elements(tmp_path):
 
 
 def test_numbers_have_units_on_the_command_line(folder):
-    code, message = commands.ended(
+    code, message = commands.run_line(
         shlex.split("run mine --blocks --stop '2000 ms' --step 1 --substeps 1 --json"),
         folder,
     )

@@ -73,15 +73,15 @@ def node(code: str, values: Any) -> Any:
 console.log(JSON.stringify(told, (k, v) =>
   typeof v === "number" && !Number.isFinite(v) ? String(v) : v));"""
     assert NODE is not None
-    done = subprocess.run(
+    process = subprocess.run(
         [NODE, "-e", full],
         input=json.dumps(values),
         capture_output=True,
         text=True,
         check=False,
     )
-    assert done.returncode == 0, done.stderr[-2000:]
-    return json.loads(done.stdout)
+    assert process.returncode == 0, process.stderr[-2000:]
+    return json.loads(process.stdout)
 
 
 # --- measures -------------------------------------------------------------------------
@@ -162,12 +162,12 @@ DERIVED: dict[str, list[Any]] = {
 @pytest.mark.parametrize("name", TRIED)
 def test_a_measure_of_few_rows_is_a_number_or_not_reached(name, count):
     """A run may end after its first step."""
-    known = {k: v[:count] for k, v in rows().items()}
+    short_rows = {k: v[:count] for k, v in rows().items()}
     inputs = [
-        ("norm" if a == "norm_" else known.get(a, a)) if isinstance(a, str) else a
+        ("norm" if a == "norm_" else short_rows.get(a, a)) if isinstance(a, str) else a
         for a in TRIED[name]
     ]
-    assert isinstance(MEASURES[name](known["times"], *inputs), float | int)
+    assert isinstance(MEASURES[name](short_rows["times"], *inputs), float | int)
 
 
 @needs_node
@@ -176,16 +176,18 @@ def test_measures_and_derived_quantities_are_those_of_their_python():
     translated."""
     assert TRIED.keys() == MEASURES.keys()
     functions = {**MEASURES, **{name: q.function for name, q in QUANTITIES.items()}}
-    code, refused = script(functions.values())
-    assert QUANTITIES.keys() - DERIVED.keys() == refused.keys()
-    known = rows()
-    tried = {**TRIED, **DERIVED}
+    code, refusals = script(functions.values())
+    assert QUANTITIES.keys() - DERIVED.keys() == refusals.keys()
+    sample_rows = rows()
+    all_inputs = {**TRIED, **DERIVED}
     args = {
         name: [
-            ("norm" if a == "norm_" else known.get(a, a)) if isinstance(a, str) else a
+            ("norm" if a == "norm_" else sample_rows.get(a, a))
+            if isinstance(a, str)
+            else a
             for a in inputs
         ]
-        for name, inputs in tried.items()
+        for name, inputs in all_inputs.items()
     }
     answer = node(
         f"""{numpy_source()}{code}
@@ -197,7 +199,7 @@ for (const [name, args] of Object.entries(input.args)) {{
   told[name] = Array.from($.asarray(measures[name](...times, ...args.map(asked))).data);
 }}""",
         {
-            "times": known["times"].tolist(),
+            "times": sample_rows["times"].tolist(),
             "args": {
                 name: [a.tolist() if isinstance(a, np.ndarray) else a for a in of]
                 for name, of in args.items()
@@ -206,11 +208,15 @@ for (const [name, args] of Object.entries(input.args)) {{
     )
     for name, of in args.items():
         times = (
-            [known["times"]] if name in MEASURES or name == "momentum_budget" else []
+            [sample_rows["times"]]
+            if name in MEASURES or name == "momentum_budget"
+            else []
         )
         want = np.ravel(functions[name](*times, *of))
-        got = np.array([float(x) for x in answer[name]])
-        assert np.allclose(got, want, rtol=1e-12, atol=1e-12, equal_nan=True), name
+        script_values = np.array([float(x) for x in answer[name]])
+        assert np.allclose(
+            script_values, want, rtol=1e-12, atol=1e-12, equal_nan=True
+        ), name
 
 
 # --- the loop -------------------------------------------------------------------------
@@ -219,7 +225,7 @@ for (const [name, args] of Object.entries(input.args)) {{
 @pytest.fixture(scope="module")
 def craft(tmp_path_factory):
     folder = tmp_path_factory.mktemp("web") / "my12u"
-    done = CliRunner().invoke(
+    invocation = CliRunner().invoke(
         cli.app_for([]),
         [
             "new",
@@ -235,7 +241,7 @@ def craft(tmp_path_factory):
             "0.2",
         ],
     )
-    assert done.exit_code == 0, done.output
+    assert invocation.exit_code == 0, invocation.output
     return folder
 
 
@@ -261,7 +267,7 @@ FAILS = 1e9
 of."""
 
 
-def fly(path: Path, law: int, moved: dict[str, float]) -> dict[str, Any]:
+def fly(path: Path, law: int, slider_values: dict[str, float]) -> dict[str, Any]:
     """The series of a flight in node, its numbers, and what it said of two faults
     before: one at the start, one under way."""
     answer, worker = told_of(path)
@@ -281,7 +287,7 @@ const told = { first, way, ended: flight.ended, said, fault: flight.fault, table
   fullest: flight.law.managed && flight.fullest(),
   series: Object.fromEntries(Object.keys(flight.law.series).map((name) =>
     [name, Array.from(flight.series(name).data)])) };""",
-        [answer, worker, law, moved, FAILS],
+        [answer, worker, law, slider_values, FAILS],
     )
 
 
@@ -296,39 +302,44 @@ def without_rounding(value: float | None) -> float | None:
 
 
 def differing(
-    shown: dict[str, str], printed: dict[str, Any]
+    page_texts: dict[str, str], command_numbers: dict[str, Any]
 ) -> dict[str, tuple[str, str]]:
     """What a page shows where a command prints another number, and that."""
-    found = {}
-    for name, text in shown.items():
-        value = printed[name]["value"]
+    differences = {}
+    for name, text in page_texts.items():
+        value = command_numbers[name]["value"]
         if value is not None and 0.0 < abs(value) < ROUNDED:
             same = abs(float(text)) < ROUNDED
         else:
             same = text == number(value)
         if not same:
-            found[name] = text, number(value)
-    return found
+            differences[name] = text, number(value)
+    return differences
 
 
-def alike(found: dict[str, Any], run: Run, within: float) -> list[str]:
+def alike(page_flight: dict[str, Any], run: Run, within: float) -> list[str]:
     """The series of a flight that are not those of a run."""
     wrong = []
-    for name, values in found["series"].items():
+    for name, values in page_flight["series"].items():
         want = run.results.values(name).astype(float).ravel()
-        got = np.array([float(x) for x in values])
+        page_values = np.array([float(x) for x in values])
         scale = max(float(np.abs(want).max()), 1e-300)
-        if len(got) != len(want) or float(np.abs(got - want).max()) > within * scale:
-            wrong.append(f"{name}: {np.abs(got - want).max() / scale:.1e}")
+        if (
+            len(page_values) != len(want)
+            or float(np.abs(page_values - want).max()) > within * scale
+        ):
+            wrong.append(f"{name}: {np.abs(page_values - want).max() / scale:.1e}")
     return wrong
 
 
 @needs_node
 @needs_zig
 @pytest.mark.parametrize("law", slow_after(1, [0, 1]))
-@pytest.mark.parametrize("moved", [slow_value({}), MOVED], ids=["as it is", "moved"])
+@pytest.mark.parametrize(
+    "slider_values", [slow_value({}), MOVED], ids=["as it is", "moved"]
+)
 def test_a_flight_is_that_of_a_run_with_what_follows_from_sliders(
-    exported_page, craft, law, moved
+    exported_page, craft, law, slider_values
 ):
     """Also after two that failed: it flies on after the reset."""
     answer, laws = exported_page
@@ -336,30 +347,30 @@ def test_a_flight_is_that_of_a_run_with_what_follows_from_sliders(
     facts, _ = told_of(answer.path)
     sliders = {s["name"]: s for s in facts["laws"][law]["sliders"]}
     before = facts["laws"][law]["values"]
-    inputs = dict(moved)
+    inputs = dict(slider_values)
     sets = [text_of(sliders[name], value, before) for name, value in inputs.items()]
     run = execute(
         str(craft), Options(**{**vars(options), "sets": [*options.sets, *sets]}), None
     )
     assert run.ok
-    found = fly(answer.path, law, inputs)
+    page_flight = fly(answer.path, law, inputs)
     # of the wheels, or of the capacity that the law takes from it
-    assert "_limit = " in found["first"]
-    begun, message = found["way"]
-    assert begun == ""
+    assert "_limit = " in page_flight["first"]
+    way_begin, message = page_flight["way"]
+    assert way_begin == ""
     assert "take a shorter step" in message
-    assert found["said"] == found["fault"] == ""
-    assert len(found["series"]) > 8
-    assert alike(found, run, WITHIN[law]) == []
+    assert page_flight["said"] == page_flight["fault"] == ""
+    assert len(page_flight["series"]) > 8
+    assert alike(page_flight, run, WITHIN[law]) == []
     for name, parameters in run.manifest.parameters.items():
         for key, parameter in parameters.items():
-            if (value := found["table"].get(f"{name}.{key}")) is not None:
+            if (value := page_flight["table"].get(f"{name}.{key}")) is not None:
                 assert value == parameter.value, f"{name}.{key}"
-    numbers = {n: run.manifest.numbers[n].value for n in found["numbers"]}
+    numbers = {n: run.manifest.numbers[n].value for n in page_flight["numbers"]}
     assert len(numbers) > 12
-    assert {n: number(without_rounding(x)) for n, x in found["numbers"].items()} == {
-        n: number(without_rounding(x)) for n, x in numbers.items()
-    }
+    assert {
+        n: number(without_rounding(x)) for n, x in page_flight["numbers"].items()
+    } == {n: number(without_rounding(x)) for n, x in numbers.items()}
 
 
 @needs_node
@@ -374,12 +385,12 @@ def test_a_craft_that_dumps_by_thrusters_has_the_standard_numbers_on_its_page(
     options = Options(stop=3000.0, sets=sets)
     answer = page.export(target, {"threshold": options}, [], tmp_path / "page.html")
     run = execute(target, options, None)
-    found = fly(answer.path, 0, {})
+    page_flight = fly(answer.path, 0, {})
     standard = {"sum_rms", "momentum_margin", "limit_time", "left_rms", "unmanaged_rms"}
-    assert standard <= found["numbers"].keys() & run.manifest.numbers.keys()
+    assert standard <= page_flight["numbers"].keys() & run.manifest.numbers.keys()
     assert "coil_duty" not in run.manifest.numbers
-    assert {n: number(x) for n, x in found["numbers"].items()} == {
-        n: number(run.manifest.numbers[n].value) for n in found["numbers"]
+    assert {n: number(x) for n, x in page_flight["numbers"].items()} == {
+        n: number(run.manifest.numbers[n].value) for n in page_flight["numbers"]
     }
     numbers = {n: x.value for n, x in run.manifest.numbers.items()}
     if not start:  # no dump: what is left is what there would be without
@@ -412,7 +423,7 @@ CONDITIONS = {
 @pytest.mark.parametrize("kind", slow_after(1, CONDITIONS))
 def test_a_flight_ends_where_the_run_ends(craft, tmp_path, kind):
     """By `stop_when`, as the scenario has it and with a slider moved."""
-    name, condition, moved = CONDITIONS[kind]
+    name, condition, slider_values = CONDITIONS[kind]
     place = craft / f"ends-{kind.replace(' ', '-')}.toml"
     text = (craft / f"{name}.toml").read_text()
     if condition:
@@ -423,27 +434,29 @@ def test_a_flight_ends_where_the_run_ends(craft, tmp_path, kind):
     facts, _ = told_of(answer.path)
     law = facts["laws"][0]
     sliders = {s["name"]: s for s in law["sliders"]}
-    for inputs in [{}, moved] if moved else [{}]:
+    for inputs in [{}, slider_values] if slider_values else [{}]:
         sets = [text_of(sliders[k], v, law["values"]) for k, v in inputs.items()]
         run = execute(str(place), Options(**{**vars(options), "sets": sets}), None)
-        found = fly(answer.path, 0, inputs)
-        assert found["fault"] == ""
-        assert alike(found, run, 1e-9) == []
-        stopped = run.manifest.stopped_when
-        assert (found["ended"] and found["ended"]["time"]) == (stopped and stopped.time)
-        assert (stopped is None) == (kind == "never")
+        page_flight = fly(answer.path, 0, inputs)
+        assert page_flight["fault"] == ""
+        assert alike(page_flight, run, 1e-9) == []
+        stop = run.manifest.stopped_when
+        assert (page_flight["ended"] and page_flight["ended"]["time"]) == (
+            stop and stop.time
+        )
+        assert (stop is None) == (kind == "never")
 
 
 def test_a_craft_that_tumbles_has_sliders_of_its_start_and_of_its_brake(craft):
     system, _ = prepare(read(str(craft / "detumbling.toml")), Options()).or_raise()
-    found = {s.name: s for s in usual(system)}
+    sliders = {s.name: s for s in usual(system)}
     names = ["spacecraft.omega_start_body", "torquers.m_limit", "magnetometer.noise"]
-    assert [n for n in found if not n.startswith("environment")] == [
+    assert [n for n in sliders if not n.startswith("environment")] == [
         *names,
         "manager.gain",
     ]
-    assert found[names[0]].unit == "deg/s"
-    assert found[names[0]].start == pytest.approx(5.0 * 3**0.5)
+    assert sliders[names[0]].unit == "deg/s"
+    assert sliders[names[0]].start == pytest.approx(5.0 * 3**0.5)
 
 
 def text_of(slider: dict[str, Any], value: float, values: dict[str, Any]) -> str:
@@ -519,7 +532,7 @@ def test_the_same_page_comes_out_again_and_needs_no_server(exported_page, craft)
 @needs_zig
 def test_what_no_page_can_have_is_refused(desat, craft, arguments, message, tmp_path):
     stop = [] if "--stop" in arguments else ["--stop", "200"]
-    done = desat(
+    command = desat(
         "export",
         "web",
         str(craft),
@@ -528,8 +541,8 @@ def test_what_no_page_can_have_is_refused(desat, craft, arguments, message, tmp_
         *stop,
         *arguments,
     )
-    assert done.returncode == 2
-    assert message in done.stderr, done.stderr
+    assert command.returncode == 2
+    assert message in command.stderr, command.stderr
     assert not (tmp_path / "x.html").exists()
 
 
@@ -558,7 +571,7 @@ def test_a_slider_moved_in_a_browser_gives_what_the_shown_line_prints(
     errors: list[str] = []
     tab.on("pageerror", lambda error: errors.append(str(error)))
 
-    def waited() -> None:
+    def wait_for_flight() -> None:
         wait_until(
             tab,
             """document.getElementById("state").textContent.startsWith("flown")
@@ -566,11 +579,11 @@ def test_a_slider_moved_in_a_browser_gives_what_the_shown_line_prints(
         )
 
     tab.goto(exported_page[0].path.as_uri())
-    waited()
+    wait_for_flight()
     assert tab.evaluate("document.documentElement.scrollWidth") <= width
     tab.locator("#compare").click()
     tab.select_option("#law", label="predictive")
-    waited()
+    wait_for_flight()
     field = tab.locator("[id='value-torquers.m_limit']")
     field.fill("0.123")
     field.press("Enter")
@@ -579,23 +592,23 @@ def test_a_slider_moved_in_a_browser_gives_what_the_shown_line_prints(
     wait_until(
         tab, "desat.shown.moved['wheels.h_start_wheel'] === 1.7 && desat.shown.numbers"
     )
-    waited()
+    wait_for_flight()
     line = shlex.split(tab.locator("#command").inner_text())
     assert line[:2] == ["desat", "run"]
-    done = desat(*line[1:], "--out", str(tmp_path / "run"), "--json")
-    assert done.returncode in (0, 1), (
-        done.stderr
+    command = desat(*line[1:], "--out", str(tmp_path / "run"), "--json")
+    assert command.returncode in (0, 1), (
+        command.stderr
     )  # 1: what is required is not met in 200 s
-    printed = json.loads(done.stdout)["numbers"]
-    shown = {
+    command_numbers = json.loads(command.stdout)["numbers"]
+    page_texts = {
         row["name"]: row["value"]
         for row in tab.evaluate(
             """[...document.querySelectorAll("#numbers tr[data-number]")].map(r =>
            ({name: r.dataset.number, value: r.children[1].textContent}))"""
         )
     }
-    assert len(shown) > 12
-    assert differing(shown, printed) == {}
+    assert len(page_texts) > 12
+    assert differing(page_texts, command_numbers) == {}
     labels = tab.evaluate("desat.charts.map(u => [u.axes[0].label, u.axes[1].label])")
     assert all(x.startswith("time [") and y for x, y in labels)
     assert any(
@@ -605,13 +618,13 @@ def test_a_slider_moved_in_a_browser_gives_what_the_shown_line_prints(
     assert "law=predictive" in address
     tab.goto("about:blank")
     tab.goto(address)
-    waited()
+    wait_for_flight()
     assert shlex.split(tab.locator("#command").inner_text()) == line
     tab.goto(exported_page[0].path.as_uri() + "#wheels.speed_limit=-3")
     wait_until(tab, "document.getElementById('fault').textContent")
     assert "speed_limit = " in tab.locator("#fault").inner_text()
     tab.locator("#reset").click()
-    waited()
+    wait_for_flight()
     assert tab.locator("#fault").inner_text() == ""
     assert errors == []
     tab.close()
@@ -702,7 +715,7 @@ THRUSTER_SLIDERS = [
 
 
 @pytest.mark.parametrize(
-    ("inputs", "expected"),
+    ("inputs", "names"),
     [
         (GEO, THRUSTER_SLIDERS),
         (
@@ -713,15 +726,15 @@ THRUSTER_SLIDERS = [
     ],
 )
 def test_sliders_of_a_craft_with_thrusters_are_those_of_its_dumps(
-    desat, tmp_path, inputs, expected
+    desat, tmp_path, inputs, names
 ):
     """Thresholds, thrust, arm and start momentum; what holds the craft's own values."""
     desat("new", "craft", "c", *shlex.split(inputs), check=True, cwd=tmp_path)
     system, _ = prepare(read(str(tmp_path / "c")), Options(stop=100.0)).or_raise()
-    found = {s.name: s for s in usual(system)}
-    assert list(found) == expected
-    assert all(s.holds_start and s.low < s.high for s in found.values())
-    begin, end = found["manager.begin"], found["manager.end"]
+    sliders = {s.name: s for s in usual(system)}
+    assert list(sliders) == names
+    assert all(s.holds_start and s.low < s.high for s in sliders.values())
+    begin, end = sliders["manager.begin"], sliders["manager.end"]
     wheels = system.components["wheels"].values
     capacity = wheels["inertia_wheel"][0] * wheels["speed_limit"]
     assert begin.high * begin.factor <= capacity
@@ -743,7 +756,7 @@ def geo(tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    ("target", "inputs", "shown"),
+    ("target", "inputs", "display_value"),
     [
         ("thrusters.tau_level", "0.03,0.03,0.03", 30.0),
         ("thrusters.tau_level[2]", "0.03,0.02,0.01", 20.0),
@@ -752,19 +765,21 @@ def geo(tmp_path_factory):
         ("spacecraft.omega_start_body", "1e-3,1e-3,1e-3", 0.099239),
     ],
 )
-def test_a_slider_shows_one_quantity_and_sets_what_is_typed(geo, target, inputs, shown):
+def test_a_slider_shows_one_quantity_and_sets_what_is_typed(
+    geo, target, inputs, display_value
+):
     """An element, equal elements, or the size of a vector in space."""
     array = target.partition("[")[0]
     options = with_assignment(OF_GEO, f"{array}={inputs}")
     system, _ = prepare(read(str(geo)), options).or_raise()
-    found = usual_of(target, system) or asked_of(f"{target}=0:50", system)
-    assert found.start == pytest.approx(shown, rel=1e-4)
+    slider = usual_of(target, system) or asked_of(f"{target}=0:50", system)
+    assert slider.start == pytest.approx(display_value, rel=1e-4)
     owner, _, name = array.partition(".")
     before = system.components[owner].values[name]
-    for value in (shown, 2.0 * shown):
-        text = found.value_text(value, before)
+    for value in (display_value, 2.0 * display_value):
+        text = slider.value_text(value, before)
         again, _ = prepare(read(str(geo)), with_assignment(options, text)).or_raise()
-        factor = value / shown
+        factor = value / display_value
         elements = again.components[owner].values[name]
         if "[" in target:
             assert elements == pytest.approx([before[0], factor * before[1], before[2]])
@@ -775,13 +790,13 @@ def test_a_slider_shows_one_quantity_and_sets_what_is_typed(geo, target, inputs,
 def test_torques_that_differ_about_the_axes_have_a_slider_each(geo):
     options = with_assignment(OF_GEO, "thrusters.tau_level=0.03,0.02,0.01")
     system, _ = prepare(read(str(geo)), options).or_raise()
-    found = {s.name: s for s in usual(system) if "tau_level" in s.name}
-    assert {n: s.start for n, s in found.items()} == {
+    level_sliders = {s.name: s for s in usual(system) if "tau_level" in s.name}
+    assert {n: s.start for n, s in level_sliders.items()} == {
         "thrusters.tau_level[1]": 30.0,
         "thrusters.tau_level[2]": 20.0,
         "thrusters.tau_level[3]": 10.0,
     }
-    assert len({s.title for s in found.values()}) == 3
+    assert len({s.title for s in level_sliders.values()}) == 3
 
 
 def test_a_craft_with_coils_and_thrusters_has_the_sliders_of_both():
@@ -818,10 +833,10 @@ def test_names_are_looked_at_before_anything_flies(
     desat, craft, monkeypatch, line, message
 ):
     monkeypatch.setattr(ranking, "_fly", _no_flight)
-    done = desat(*shlex.split(line.format(craft)))
-    assert done.returncode == 2
-    assert message in done.stderr, done.stderr
-    assert len(done.stderr.splitlines()) == 1
+    command = desat(*shlex.split(line.format(craft)))
+    assert command.returncode == 2
+    assert message in command.stderr, command.stderr
+    assert len(command.stderr.splitlines()) == 1
 
 
 def _no_flight(*_: Any) -> None:
@@ -844,7 +859,7 @@ def test_a_value_stands_once_on_a_command_line():
 @needs_node
 @needs_zig
 @pytest.mark.parametrize(
-    "moved",
+    "slider_values",
     [
         {"torquers.m_limit": 1e6},
         {"wheels.speed_limit": 90000.0},
@@ -852,32 +867,32 @@ def test_a_value_stands_once_on_a_command_line():
     ],
 )
 def test_a_page_warns_of_unusual_values_as_a_run_does(
-    desat, usual_page, craft, moved, tmp_path
+    desat, usual_page, craft, slider_values, tmp_path
 ):
     """Beyond the ends of its sliders too, where an address may bring it."""
     facts, worker = told_of(usual_page.path)
-    warned = node(
+    page_warnings = node(
         """globalThis.postMessage = () => {};
 const [told0, worker, moved] = input;
 (0, eval)(worker.replace('"use strict";', "") + ";globalThis.Flight = Flight;");
 const flight = new Flight(told0, new WebAssembly.Module(Buffer.from(told0.wasm, "base64")));
 flight.begin(0, moved);
 const told = flight.warnings;""",
-        [facts, worker, moved],
+        [facts, worker, slider_values],
     )
     sliders = {s["name"]: s for s in facts["laws"][0]["sliders"]}
     before = facts["laws"][0]["values"]
-    sets = [f"--set={text_of(sliders[n], x, before)}" for n, x in moved.items()]
-    done = desat(
+    sets = [f"--set={text_of(sliders[n], x, before)}" for n, x in slider_values.items()]
+    command = desat(
         "run", str(craft), "--stop", "20", *sets, "--out", str(tmp_path / "run")
     )
     messages = [
         x.rpartition(": ")[0].rpartition(": ")[2] + ": " + x.rpartition(": ")[2]
-        for x in done.stderr.splitlines()
+        for x in command.stderr.splitlines()
         if ": usual is " in x
     ]
     assert messages
-    assert {*messages} == {*warned}
+    assert {*messages} == {*page_warnings}
 
 
 @pytest.fixture(scope="module")
@@ -904,31 +919,37 @@ const told = { before: flight.warnings, after: flight.remarks(), unmet: flight.u
   numbers: Object.keys(flight.numbers()) };"""
 
 
-def lines_alike(path: Path, target: str, options: Options, moved: dict[str, float]):
+def lines_alike(
+    path: Path, target: str, options: Options, slider_values: dict[str, float]
+):
     """The lines of a run, after it was found that a flight of a page has the same."""
     facts, worker = told_of(path)
-    found = node(LINES, [facts, worker, moved])
+    page_lines = node(LINES, [facts, worker, slider_values])
     law = facts["laws"][0]
     sliders = {s["name"]: s for s in law["sliders"]}
-    sets = [text_of(sliders[n], x, law["values"]) for n, x in moved.items()]
+    sets = [text_of(sliders[n], x, law["values"]) for n, x in slider_values.items()]
     options = Options(**{**vars(options), "sets": [*options.sets, *sets]})
     manifest = execute(target, options, None).manifest
     before = prepare(target, options).warnings
-    if not moved:
-        assert {*found["before"]} == {*before}
+    if not slider_values:
+        assert {*page_lines["before"]} == {*before}
     after = {x for x in manifest.warnings if "accuracy is shown up to" not in x}
-    assert {*found["after"]} == after - {*before}
-    exact = [re.sub(r"[\d.]+e-1\d", "0", x) for x in found["unmet"]]  # of roundings
+    assert {*page_lines["after"]} == after - {*before}
+    exact = [
+        re.sub(r"[\d.]+e-1\d", "0", x) for x in page_lines["unmet"]
+    ]  # of roundings
     assert {*exact} == {re.sub(r"[\d.]+e-1\d", "0", x) for x in manifest.unmet}
     balance = {"left_rms", "unmanaged_rms"}
-    assert balance & {*found["numbers"]} == balance & manifest.numbers.keys()
-    return "\n".join([*found["before"], *found["after"], *found["unmet"]])
+    assert balance & {*page_lines["numbers"]} == balance & manifest.numbers.keys()
+    return "\n".join(
+        [*page_lines["before"], *page_lines["after"], *page_lines["unmet"]]
+    )
 
 
 @needs_node
 @needs_zig
 @pytest.mark.parametrize(
-    ("moved", "text"),
+    ("slider_values", "text"),
     [
         ({}, ""),
         ({"wheels.h_start_wheel": 14.9}, "was at its speed limit for"),
@@ -937,9 +958,11 @@ def lines_alike(path: Path, target: str, options: Options, moved: dict[str, floa
     ],
     ids=["as it is", "full wheels", "lost attitude", "no effect"],
 )
-def test_a_page_warns_after_a_flight_as_a_run_does(craft, page_to_save, moved, text):
+def test_a_page_warns_after_a_flight_as_a_run_does(
+    craft, page_to_save, slider_values, text
+):
     options = Options(stop=3000.0, substeps=1)
-    assert text in lines_alike(page_to_save.path, str(craft), options, moved)
+    assert text in lines_alike(page_to_save.path, str(craft), options, slider_values)
 
 
 @needs_node
@@ -1063,12 +1086,12 @@ def test_an_arrow_on_a_slider_stays_in_the_range_of_the_law(
         assert at.value(name) != slider["start"], name
     at.wait()
     line = at.command()
-    done = desat(*line[1:], "--out", str(tmp_path / "run"), "--json")
-    assert done.returncode in (0, 1), done.stderr
-    printed = json.loads(done.stdout)["numbers"]
-    shown = at.shown()
-    assert len(shown) > 12
-    assert differing(shown, printed) == {}
+    command = desat(*line[1:], "--out", str(tmp_path / "run"), "--json")
+    assert command.returncode in (0, 1), command.stderr
+    command_numbers = json.loads(command.stdout)["numbers"]
+    page_texts = at.shown()
+    assert len(page_texts) > 12
+    assert differing(page_texts, command_numbers) == {}
     at.tab.locator("#reset").click()
     at.wait()
     assert at.tab.evaluate(
@@ -1155,9 +1178,9 @@ def test_an_address_beyond_the_sliders_warns(browser, usual_page, address, messa
     """What it can fly it flies, and says that it lies outside; reset takes the words
     away."""
     at = Tab(browser, usual_page.path, address)
-    warned = "\n".join(at.warnings())
+    page_warnings = "\n".join(at.warnings())
     for text in message:
-        assert text in warned
+        assert text in page_warnings
     if "outside" in message[0]:
         name, _, value = message[0].partition(":")[0].partition(" = ")
         assert at.value(name) == float(value.split()[0])
@@ -1222,8 +1245,8 @@ def test_csv_of_a_chart_has_all_samples_of_both_flights(browser, craft, page_to_
         run = execute(str(craft), Options(stop=3000.0, substeps=1, sets=sets), None)
         fullest = 1e3 * np.abs(run["wheels.h_wheel"]).max(axis=1)
         column = head.index(f"with management{label} [mN m s]")
-        found = np.array([row[column] for row in rows], dtype=float)
-        assert np.allclose(found, fullest, rtol=1e-9, atol=0.0)
+        csv_values = np.array([row[column] for row in rows], dtype=float)
+        assert np.allclose(csv_values, fullest, rtol=1e-9, atol=0.0)
 
 
 @needs_zig
@@ -1269,7 +1292,9 @@ def test_charts_of_a_page_are_saved_and_its_view_follows_the_pointer(
         "(() => { const s = document.querySelector('#scene input'); s.value = 100;"
         " s.dispatchEvent(new Event('input')); })()"
     )
-    moved = tab.evaluate("desat.charts[0].posToVal(desat.charts[0].cursor.left, 'x')")
+    pointer_time = tab.evaluate(
+        "desat.charts[0].posToVal(desat.charts[0].cursor.left, 'x')"
+    )
     step = tab.evaluate("desat.scene.data.step")
-    assert moved == pytest.approx(100 * step, abs=3000.0 / 300)
+    assert pointer_time == pytest.approx(100 * step, abs=3000.0 / 300)
     tab.close()
