@@ -804,7 +804,7 @@ def describe_effect(
 ) -> list[str]:
     """Return a line if management does nothing, or leaves more than there would be.
 
-    Momenta are in N m s: those of a `Balance` (rows, 3; body), the deadband of the law
+    Momenta are in N m s: those of a `MomentumBalance` (rows, 3; body), the deadband of the law
     and the capacity of the smallest wheel.
     """
     share = removed_share(

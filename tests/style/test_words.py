@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks import house
 from tests.conftest import ROOT
 from tests.style.source import CODE, files_in, nodes_of, tree_of
 
@@ -423,3 +424,12 @@ def test_a_parameter_that_is_not_there_is_found() -> None:
     )
     source = f'def f(x: float) -> None:\n    """{text}"""\n'
     assert list(find_undocumented(ast.walk(ast.parse(source)))) == ["f: y"]
+
+
+def test_names_do_not_get_worse() -> None:
+    """Participles may only become fewer; classes have a name each, methods docstrings."""
+    sizes = house.sizes()
+    assert sizes["one-word participles"] <= 1_576
+    assert sizes["class names in two modules"] == 0
+    assert sizes["functions above 8 statements without docstring"] == 0
+    assert sizes["files that ask interface.model"] <= 2
