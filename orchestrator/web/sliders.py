@@ -112,12 +112,12 @@ def asked_of(text: str, system: System) -> Slider:
     name, low, high = parts_of(text)
     slider = _slider(name.strip(), system, f"--slider {text}")
     _, signals = _signals(name.strip(), system, f"--slider {text}")
-    interface = system.components[slider.targets[0].partition(".")[0]].interface
+    owner = slider.targets[0].partition(".")[0]
+    interface = system.components[owner].interface
+    place = f"--slider {text}: {owner}"
     values = []
     for end in (low, high):
-        elements = expand(
-            interface, signals[0].name, parse_value(end.strip()), f"--slider {text}"
-        )
+        elements = expand(interface, signals[0].name, parse_value(end.strip()), place)
         values.append(
             (float(elements[signals[0].name]) - slider.offset) / slider.factor
         )

@@ -642,7 +642,7 @@ def test_a_run_that_chose_says_what_it_could_not_look_at():
         == []
     )
     assert collect_remarks(substep_choice=flight, parts={coverage.KEY: None}) == []
-    far = {"turning": 9.0, "pushed": 9.0}
+    far = {"turning": 9.0, "kick": 9.0}
     assert (
         len(collect_remarks(substep_choice=replace(flight, estimate=None), **far)) == 2
     )

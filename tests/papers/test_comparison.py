@@ -81,7 +81,7 @@ def test_a_cell_at_the_edge_of_its_band_is_within(ours, within):
     ],
 )
 def test_each_draw_of_a_cell_is_to_be_in_its_band(least, most, ours, within):
-    draws = comparison.Spread(2, least, most, (3.0, 4.0))
+    draws = comparison.PaperSpread(2, least, most, (3.0, 4.0))
     assert cell(ours, draws).within is within
     assert cell(1.5, replace(draws, band=None)).within is True
 

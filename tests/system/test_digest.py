@@ -229,7 +229,9 @@ def test_it_is_of_what_an_fmu_was_built_of_not_of_the_sources_beside_it(monkeypa
     assert before.startswith("block ")
     assert library.computes("wheels", None) == before
     monkeypatch.setattr(library.meaning, "is_as", lambda entry: False)
-    monkeypatch.setattr(library.meaning, "computed", lambda name: {"computes": "other"})
+    monkeypatch.setattr(
+        library.meaning, "index_entry", lambda name: {"computes": "other"}
+    )
     library._hash_of.cache_clear()
     assert library.computes("wheels", fmu) == before
     assert library.computes("wheels", None) == "block other"

@@ -506,7 +506,10 @@ def test_the_same_page_comes_out_again_and_needs_no_server(exported_page, craft)
             "from a lower value to a higher one",
         ),
         (["--slider", "torquers.m_limit=-1:1"], "allowed is 0 to inf"),
-        (["--slider", "torquers.m_limit=0.1 kg:1"], "it has A.m2"),
+        (
+            ["--slider", "torquers.m_limit=0.1 kg:1"],
+            "kg is no unit of torquers.m_limit, which is in A.m2",
+        ),
         (
             ["--slider", "manager.m_limit=0.1:1"],
             "the scenario has it follow torquers.m_limit",
