@@ -212,9 +212,8 @@ def test_a_campaign_of_two_hundred(full_campaign):
     table = store.read(full_campaign)
     assert table["case"].to_pylist() == list(range(COUNT))
     assert len(set(table["worker"].to_pylist())) == 2
-    system = read_source(
-        str(json.loads((full_campaign / "campaign.json").read_text())["target"])
-    ).to_draw(blocks=False)
+    target = json.loads((full_campaign / "campaign.json").read_text())["target"]
+    system = draft_to_draw(read_source(str(target)), False)
     row = table.slice(77, 1).to_pylist()[0]
     assert (
         row["in.wheels.h_start_wheel[3]"]
