@@ -10,34 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from desat.components.blocks.environment_kepler import EnvironmentKepler
-from desat.components.contract.block import Block
 from desat.components.physics import atmosphere, earth, orbit
-
-
-def epoch(*date: int) -> float:
-    return (datetime(*date) - datetime(2000, 1, 1, 12)).total_seconds()
-
-
-def begin(block: Block, **parameters: object) -> Block:
-    """The block, checked and started; a choice by its name."""
-    variables = {v.name: v for v in block.variables}
-    for name, value in parameters.items():
-        variable = variables[name]
-        setattr(
-            block, name, variable.choices.index(value) if variable.choices else value
-        )
-    block.check()
-    block.start()
-    return block
-
-
-def kepler(**parameters: object) -> EnvironmentKepler:
-    return begin(EnvironmentKepler(), **parameters)
-
-
-def at(block: Block, t: float) -> Block:
-    block.output(t)
-    return block
+from tests.physics.environments import at, epoch, kepler
 
 
 def still(**parameters: object) -> EnvironmentKepler:

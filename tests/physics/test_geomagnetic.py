@@ -25,36 +25,11 @@ from desat.components.maths.vector import norm
 from desat.components.physics import earth, geomagnetic, igrf14, orbit
 from desat.fmus import build
 from tests.conftest import ROOT
+from tests.physics.environments import at, begin, epoch, kepler
 
 AUTHORITIES = ROOT / "tests" / "authorities"
 OUTPUTS = [v.name for v in EnvironmentKepler.variables if v.causality == "output"]
 FIELDS = ("none", "dipole", "igrf")
-
-
-def epoch(*date: int) -> float:
-    return (datetime(*date) - datetime(2000, 1, 1, 12)).total_seconds()
-
-
-def begin(block: Block, **parameters: object) -> Block:
-    """The block, checked and started; a choice by its name."""
-    variables = {v.name: v for v in block.variables}
-    for name, value in parameters.items():
-        variable = variables[name]
-        setattr(
-            block, name, variable.choices.index(value) if variable.choices else value
-        )
-    block.check()
-    block.start()
-    return block
-
-
-def kepler(**parameters: object) -> EnvironmentKepler:
-    return begin(EnvironmentKepler(), **parameters)
-
-
-def at(block: Block, t: float) -> Block:
-    block.output(t)
-    return block
 
 
 def on_the_way(block: Block, t: float, dt: float = 1.0) -> Block:

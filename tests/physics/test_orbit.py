@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from datetime import datetime
 
 import numpy as np
 import pytest
@@ -12,37 +11,11 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from desat.components.blocks.environment_kepler import EnvironmentKepler
-from desat.components.contract.block import Block, BlockError
+from desat.components.contract.block import BlockError
 from desat.components.maths import attitude
 from desat.components.maths.vector import cross, dot, norm
 from desat.components.physics import earth, orbit
-
-
-def epoch(*date: int) -> float:
-    return (datetime(*date) - datetime(2000, 1, 1, 12)).total_seconds()
-
-
-def begin(block: Block, **parameters: object) -> Block:
-    """The block, checked and started; a choice by its name."""
-    variables = {v.name: v for v in block.variables}
-    for name, value in parameters.items():
-        variable = variables[name]
-        setattr(
-            block, name, variable.choices.index(value) if variable.choices else value
-        )
-    block.check()
-    block.start()
-    return block
-
-
-def kepler(**parameters: object) -> EnvironmentKepler:
-    return begin(EnvironmentKepler(), **parameters)
-
-
-def at(block: Block, t: float) -> Block:
-    block.output(t)
-    return block
-
+from tests.physics.environments import at, epoch, kepler
 
 angle = st.floats(-math.pi, math.pi)
 
