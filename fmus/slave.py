@@ -15,7 +15,6 @@ once too often, so each instance adds a reference.
 
 from __future__ import annotations
 
-import json
 import math
 import struct
 import sys
@@ -277,7 +276,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
         """Restore a state, or log an error."""
         try:
-            values = {name: _frozen(x) for name, x in state["values"].items()}
+            values = dict(state["values"])
             self._phase, self._time, self._stale = (
                 state["phase"],
                 state["time"],
@@ -288,14 +287,14 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         except BaseException as error:
             self._fail("set state", error)
 
-    @staticmethod
-    def _fmu_state_to_bytes(state: dict[str, Any]) -> bytes:
-        return json.dumps(state).encode()
+    @classmethod
+    def _fmu_state_to_bytes(cls, state: dict[str, Any]) -> bytes:
+        return bytes(cls.block_class.encode(state))
 
-    @staticmethod
-    def _fmu_state_from_bytes(state: bytes) -> Any:
+    @classmethod
+    def _fmu_state_from_bytes(cls, state: bytes) -> Any:
         try:
-            return json.loads(bytes(state).decode())
+            return cls.block_class.decode(bytes(state))
         except BaseException:
             return {}  # refused, with a log message, when it is set
 
@@ -308,10 +307,3 @@ def _name(instance: str) -> str:
     if not instance.endswith(".fmu"):
         return instance
     return instance.replace("\\", "/").rpartition("/")[2].removesuffix(".fmu")
-
-
-def _frozen(value: Any) -> Any:
-    """Return a value with all its lists as tuples."""
-    return (
-        tuple(_frozen(x) for x in value) if isinstance(value, (list, tuple)) else value
-    )

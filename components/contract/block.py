@@ -22,13 +22,17 @@ instantiation, a bare block the name of its component; until that is set, it is 
 of the role. Noise is keyed by it.
 
 All state of a block is held in attributes that are immutable and JSON-able (float, int,
-bool, str, None, tuples of these), so that a copy of its `__dict__` is its whole state.
+bool, str, None, tuples and named tuples of these), so that a copy of its `__dict__` is
+its whole state.
 """
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Iterator, Sequence
+import operator
+import sys
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal, NoReturn
 
@@ -37,6 +41,8 @@ from .units import unit_of
 TURN = (-6.2832, 6.2832)  # rad: usual range of an angle, a full turn either way
 SPIN = (-3.1416, 3.1416)  # rad/s: usual range of a craft's rate, half a turn per second
 SMALL_ANGLE = (-0.35, 0.35)  # rad: usual range of an angular error, 20 deg
+
+_NAMED = "named tuple"  # key of a named tuple among the values of a saved state
 
 Vec3 = tuple[float, float, float]
 Vec4 = tuple[float, float, float, float]
@@ -370,6 +376,36 @@ class Access:
                 values[name] = (*old[:index], new[first], *old[index + 1 :])
 
 
+def _described(value: Any) -> Any:
+    """Return a value of a block's state in types of JSON.
+
+    JSON has no tuples: a named one becomes its module, class and values.
+    """
+    if isinstance(value, dict):
+        return {name: _described(x) for name, x in value.items()}
+    if not isinstance(value, (tuple, list)):
+        return value
+    values = [_described(x) for x in value]
+    if not hasattr(value, "_fields"):
+        return values
+    return {_NAMED: [type(value).__module__, type(value).__qualname__, values]}
+
+
+def _rebuilt(value: Any) -> Any:
+    """Return the value that `_described` has described, with lists as tuples."""
+    if isinstance(value, list):
+        return tuple(_rebuilt(x) for x in value)
+    if not isinstance(value, dict):
+        return value
+    if _NAMED not in value:
+        return {name: _rebuilt(x) for name, x in value.items()}
+    module, name, values = value[_NAMED]
+    named = operator.attrgetter(name)(sys.modules[module])
+    if not hasattr(named, "_fields"):  # bytes from outside make nothing else
+        raise TypeError(f"{module}.{name} is no named tuple")
+    return named(*map(_rebuilt, values))
+
+
 class Block:
     """Base of all blocks.
 
@@ -452,6 +488,16 @@ class Block:
         The accessor reads and writes them in the order of the positions.
         """
         return Access(self, positions)
+
+    @staticmethod
+    def encode(state: Mapping[str, Any]) -> bytes:
+        """Return a state, whose values may be named tuples, as bytes of JSON."""
+        return json.dumps({name: _described(x) for name, x in state.items()}).encode()
+
+    @staticmethod
+    def decode(data: bytes) -> dict[str, Any]:
+        """Return the state that `encode` has written, with the types of its tuples."""
+        return {name: _rebuilt(x) for name, x in json.loads(data).items()}
 
     def check(self) -> None:
         """Check that every parameter is finite and within its declared bounds.

@@ -5,9 +5,7 @@ It serves for debugging and as reference for the FMUs.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -108,12 +106,12 @@ class BlockInstance:
         return ComponentError(f"{self.name}: {call} failed")
 
     def save(self) -> bytes:
-        return json.dumps(vars(self._block)).encode()
+        return self._block.encode(vars(self._block))
 
     def restore(self, state: bytes) -> None:
-        values = vars(self._block)
-        values.clear()
-        values.update({name: _frozen(x) for name, x in json.loads(state).items()})
+        values = self._block.decode(state)
+        vars(self._block).clear()
+        vars(self._block).update(values)
 
     def look(self) -> None:
         pass
@@ -123,8 +121,3 @@ class BlockInstance:
 
     def close(self) -> None:
         pass
-
-
-def _frozen(value: Any) -> Any:
-    """Convert the lists that JSON has back to the tuples of a block."""
-    return tuple(_frozen(x) for x in value) if isinstance(value, list) else value
