@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..numbers.derived import rotate
+from ..numbers.derived import blocks, rotate
 from ..numbers.text import Value
 from ..system.craft import craft_of
 from ..system.model import AUTO, System
@@ -338,8 +338,19 @@ def of_run(parts: StepParts | None, results: Results) -> Reached | None:
     if len(times) < 3:
         return None
     body = WheeledBody(np.array(parts.carrier), np.array(parts.axes_wheel), np.zeros(4))
-    q, omega, h, impulse = (results.values(name) for name in parts.series)
-    return reached_by(body, times, q, omega, h, impulse)
+    found = [
+        reached_by(body, times[rows], *(results.values(n, rows) for n in parts.series))
+        for rows in blocks(len(times), 2)
+    ]
+    # each motion has a row less than the one before; blocks have two rows in common
+    turning = [f.turning[: len(f.turning) - 2] for f in found[:-1]]
+    pushed = [f.pushed[: len(f.pushed) - 1] for f in found[:-1]]
+    return Reached(
+        times,
+        np.concatenate([*turning, found[-1].turning]),
+        np.concatenate([*pushed, found[-1].pushed]),
+        np.concatenate([f.changed for f in found]),
+    )
 
 
 def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
@@ -385,8 +396,12 @@ def remarks(manifest: Manifest, results: Results) -> list[str]:
         if values[k] > limit * (1.0 + 1e-9):
             at = f"at t = {flight_seen.times[k]:g} s, {TEXTS[name].format('all actuators')}"
             lines.append(_line(at, float(values[k]), limit))
-    speeds = _speeds(parts, results.values(parts.series[2]))
-    error, first_error = (jitter(parts, of, step) for of in (speeds, speeds[:1]))
+    wheels = parts.series[2]
+    first_error, *errors = (
+        jitter(parts, _speeds(parts, results.values(wheels, rows)), step)
+        for rows in (slice(0, 1), *blocks(len(flight_seen.times)))
+    )
+    error = max(errors)
     return lines + (
         _of_jitter(error, "at their largest speeds")
         if error > 2.0 * first_error

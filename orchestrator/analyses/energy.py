@@ -42,6 +42,7 @@ import numpy as np
 from ..engine.master import Master
 from ..engine.node import StepRecording
 from ..numbers.derived import rotate, rotate_back
+from ..numbers.shapes import shape_of
 from ..numbers.text import Value
 from ..system.expression import Table
 from ..system.interface import Signal
@@ -300,11 +301,15 @@ class Totals:
 
 
 class EnergyBalance(NamedTuple):
-    """Balance at the rows of a run: times (s), energy beyond the work (J), totals."""
+    """Balance of a run: totals, and energy beyond the work (n, 1; J) at times (s).
 
+    These are as a plot shows them, and stand for so many rows.
+    """
+
+    totals: Totals
     times: Array
     mismatch: Array
-    totals: Totals
+    rows: int
 
 
 def balance(manifest: Manifest, results: Results) -> EnergyBalance | None:
@@ -327,7 +332,7 @@ def _balance(manifest: Manifest, results: Results) -> EnergyBalance | None:
         return None
     rows = np.concatenate(mismatch)
     times = manifest.start + manifest.step * np.arange(len(rows), dtype=np.float64)
-    return EnergyBalance(times, rows, totals)
+    return EnergyBalance(totals, *shape_of(times, rows.__getitem__))
 
 
 def totals_of(manifest: Manifest, results: Results) -> Totals | None:
@@ -485,7 +490,8 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
 
     fig, ax = figure()
     seconds, unit = time_axis(balanced.times)
-    ax.plot(balanced.times / seconds, balanced.mismatch, COLOURS[0], name="mismatch")
+    x, y = balanced.times / seconds, balanced.mismatch[:, 0]
+    ax.plot(x, y, COLOURS[0], name="mismatch", rows=balanced.rows)
     timeline(ax, seconds, unit)
     ax.y.label = "energy mismatch [J]"
     caption = "Energy mismatch: energy gained beyond the work of the torques"

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..numbers.derived import by_rows
+from ..numbers.measures import largest_elements
 from ..numbers.text import Value
 from ..system.model import Component, System
 from . import Parts
@@ -84,7 +86,7 @@ def remarks(manifest: Manifest, results: Results) -> list[str]:
         return []
     tank = manifest.values_of(parts.thrusters).get("tank", 0.0)
     spent = f"{parts.thrusters}.propellant"
-    used = results.values(spent) if spent in results.names() else np.zeros(1)
+    used = results.series(spent) if spent in results.names() else np.zeros(1)
     return describe_firings(parts.thrusters, tank, used, *series)
 
 
@@ -103,7 +105,7 @@ def _series(manifest: Manifest, results: Results) -> tuple[Array, ...] | None:
     names = series_of(manifest.parts[KEY])
     if not set(names) <= set(results.names()):
         return None
-    return results.times(), *(results.values(n) for n in names)
+    return results.times(), *(results.series(n) for n in names)
 
 
 # --- Lines from series, which a live page makes by the same functions -----------------
@@ -143,7 +145,7 @@ def describe_firings(
         return []
     full = tank * (1.0 - 1e-9)
     if tank > 0.0 and float(used[-1]) >= full:
-        empty = float(times[int(np.argmax(used.reshape(-1) >= full))])
+        empty = float(times[int(np.argmax(np.asarray(used).reshape(-1) >= full))])
         return [
             f"{name}: its tank of {tank:g} kg is empty from {empty:g} s on, and "
             "fires nothing more"
@@ -169,14 +171,20 @@ def has_rows(times: Array, command: Array, on_time: Array) -> bool:
 def sum_impulses(times: Array, torque: Array) -> Array:
     """Compute the impulse (3,; N m s) of torques (rows, 3; N m), each sign counted."""
     steps = np.append(np.diff(times), times[-1] - times[-2])[: len(torque), None]
-    impulses: Array = np.abs(torque * steps).sum(axis=0)
+    impulses: Array = impulse_sizes(torque, steps).sum(axis=0)
     return impulses
+
+
+@by_rows(2)
+def impulse_sizes(torque: Array, steps: Array) -> Array:
+    """Compute the sizes (rows, 3; N m s) of impulses of torques over steps (rows, 1)."""
+    return np.asarray(np.abs(torque * steps))
 
 
 def sum_commands(times: Array, command: Array, h: Array) -> Array:
     """Compute the commanded impulse (3,; N m s), 0 where it is too small to count."""
     commanded = sum_impulses(times, command)
-    counted: Array = commanded * (commanded > COUNTS * float(np.abs(h).max()))
+    counted: Array = commanded * (commanded > COUNTS * float(largest_elements(h).max()))
     return counted
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..numbers.derived import cross, rotate_back
+from ..numbers.derived import blocks, cross, rotate_back
 from ..numbers.text import Value
 from ..system.model import System
 from . import Parts, motion, not_checked, residual
@@ -107,20 +107,26 @@ def _mismatch(manifest: Manifest, results: Results) -> tuple[float, float] | Non
         manifest.parameters[parts.spacecraft],
     )
     inertia = np.reshape(parameters["inertia"].value, (3, 3))
-    q, omega, h = (results.values(f"{name}.{n}") for n in _BODY_OUTPUTS)
-    total = rotate_back(q, omega @ inertia.T + h[:, :3])
-    rows = slice(0, len(q) - 1)
-    reach = parts.feeds and motion.recorded_inputs(results, parts.feeds, rows)
-    assert reach
-    torque = motion.torque(parameters, reach, dt)
-    reference = np.zeros((len(q) - 1, 3))
-    for e, weight in zip(NODES, WEIGHTS, strict=True):
-        turned = _turned(q[rows], omega[0], e * dt)
-        reference += weight * dt * rotate_back(turned, torque(e, turned))
-    off = total[1:] - total[0] - np.cumsum(reference, axis=0)
-    return float(np.linalg.norm(off, axis=1).max()), float(
-        np.linalg.norm(total, axis=1).max()
-    )
+    given, most, first = np.zeros(3), np.zeros(2), np.zeros(3)
+    series = [f"{name}.{n}" for n in _BODY_OUTPUTS]
+    for rows in blocks(results.count(series[0]), 1):
+        q, omega, h = (results.values(s, rows) for s in series)
+        total = rotate_back(q, omega @ inertia.T + h[:, :3])
+        first = total[0] if rows.start == 0 else first
+        steps = slice(rows.start, rows.stop - 1)
+        reach = parts.feeds and motion.recorded_inputs(results, parts.feeds, steps)
+        assert reach
+        torque = motion.torque(parameters, reach, dt)
+        reference = np.zeros((len(q) - 1, 3))
+        for e, weight in zip(NODES, WEIGHTS, strict=True):
+            turned = _turned(q[:-1], omega[0], e * dt)
+            reference += weight * dt * rotate_back(turned, torque(e, turned))
+        impulse = given + np.cumsum(reference, axis=0)
+        given = impulse[-1]
+        off = total[1:] - first - impulse
+        sizes = [float(np.linalg.norm(x, axis=1).max()) for x in (off, total)]
+        most = np.maximum(most, sizes)
+    return float(most[0]), float(most[1])
 
 
 def _turned(q: Array, omega: Array, t: float) -> Array:

@@ -160,10 +160,10 @@ def _attitude_series(
     if parts.attitude is None or not set(parts.attitude) <= recorded:
         return None
     attitude, held = parts.attitude
-    q = results.values(attitude)
-    reference = results.values(wanted_attitude(held, recorded))
+    q = results.series(attitude)
+    reference = results.series(wanted_attitude(held, recorded))
     count = min(len(q), len(reference))
-    return results.times(), q[:count], reference[:count]
+    return results.times(), q.head(count), reference.head(count)
 
 
 # --- Lines from series, which a live page makes by the same functions -----------------
@@ -171,7 +171,7 @@ def _attitude_series(
 
 def describe_full_wheels(name: str, saturated: Array) -> list[str]:
     """Return a line for each wheel that is saturated for a share of the time."""
-    shares = saturated.reshape(len(saturated), -1).astype(float).mean(axis=0)
+    shares = saturated.reshape(len(saturated), -1).mean(axis=0)
     lines: list[str] = []
     for i, share in enumerate(shares):
         if share > FULL:

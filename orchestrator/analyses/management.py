@@ -25,6 +25,8 @@ from desat.components.contract.roles import Manager
 
 from ..language.content import content_of
 from ..numbers.derived import (
+    blocks,
+    by_rows,
     coil_impulse,
     matrices,
     pointing,
@@ -32,6 +34,7 @@ from ..numbers.derived import (
     rotate_back,
     wanted_attitude,
 )
+from ..numbers.shapes import shape_of
 from ..numbers.text import Value
 from ..system.errors import DesatError
 from ..system.model import Component, System, Values
@@ -360,25 +363,24 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     parts: ManagementParts = manifest.parts[KEY]
     if not manifest.completed or missing(signals(parts), results):
         return {}
-    h = results.values(f"{parts.spacecraft}.h_copy_wheel")
     known_wheels = _wheels_of(manifest, parts)
     there = existing(known_wheels)
-    h, axes = h[:, there], axes_of(known_wheels)[:, there]
+    h = results.series(f"{parts.spacecraft}.h_copy_wheel", there)
+    axes = axes_of(known_wheels)[:, there]
     times = results.times()
     known_values = dict[str, float](
         zip(OF_MOMENTUM, of_momentum(times, h, axes, np.linalg.pinv(axes)), strict=True)
     )
     if parts.torquers:
-        dipoles = results.values(f"{parts.torquers}.m_mean_body")
+        dipoles = results.series(f"{parts.torquers}.m_mean_body")
         known_values |= coils_of(parts.torquers, manifest, dipoles)
     if parts.wheels:
         values = manifest.values_of(parts.wheels)
         if "inertia_wheel" in values and "speed_limit" in values and there.any():
             known_values["momentum_margin"] = margin(h, capacities(values)[there])
-        saturated, speed = (results.values(f"{parts.wheels}.{n}") for n in _OF_WHEELS)
-        known_values |= zip(
-            OF_WHEELS, of_wheels(times, saturated, speed[:, there]), strict=True
-        )
+        saturated = results.values(f"{parts.wheels}.{_OF_WHEELS[0]}")
+        speed = results.series(f"{parts.wheels}.{_OF_WHEELS[1]}", there)
+        known_values |= zip(OF_WHEELS, of_wheels(times, saturated, speed), strict=True)
     if (compared := compare(manifest, results)) is not None:
         known_values |= zip(OF_BALANCE, compared, strict=True)
     if (least := _least_braking(manifest, results)) is not None:
@@ -434,6 +436,19 @@ OF_MOMENTUM, OF_COILS = (
 OF_WHEELS, OF_BALANCE = ("limit_time", "crossings"), ("left_rms", "unmanaged_rms")
 
 
+@by_rows(1)
+def momentum_sizes(h: Array, axes: Array, inverse: Array) -> Array:
+    """Compute the sizes (rows, 2) of total and null-space momentum (N m s).
+
+    Momenta h are (rows, wheels). The null-space momentum is that of the most loaded
+    wheel.
+    """
+    wheel_momentum = h @ axes.T
+    size = np.linalg.norm(wheel_momentum, axis=1)
+    idle = h - wheel_momentum @ inverse.T
+    return np.array([size, np.abs(idle).max(axis=1, initial=0.0)]).T
+
+
 def of_momentum(
     times: Array, h: Array, axes: Array, inverse: Array
 ) -> tuple[float, float, float]:
@@ -442,14 +457,8 @@ def of_momentum(
     The momenta h (rows, wheels; N m s) are about axes (3, wheels) with the
     pseudoinverse `inverse`. The null-space momentum is that of the most loaded wheel.
     """
-    wheel_momentum = h @ axes.T
-    size = np.linalg.norm(wheel_momentum, axis=1)
-    idle = h - wheel_momentum @ inverse.T
-    return (
-        _rms(size, times),
-        float(size.max()),
-        _rms(np.abs(idle).max(axis=1, initial=0.0), times),
-    )
+    sizes = momentum_sizes(h, axes, inverse)
+    return _rms(sizes[:, 0], times), float(sizes[:, 0].max()), _rms(sizes[:, 1], times)
 
 
 def _least_braking(manifest: Manifest, results: Results) -> float | None:
@@ -527,22 +536,28 @@ def compare(manifest: Manifest, results: Results) -> tuple[float, float] | None:
         if momentum_balance is None
         else off_target(
             momentum_balance.times,
-            momentum_balance.stored,
-            momentum_balance.without,
-            momentum_balance.target,
+            momentum_balance.distance,
+            momentum_balance.distance_without,
         )
     )
 
 
 class MomentumBalance(NamedTuple):
-    """Wheel momentum with management, and estimated without it."""
+    """Wheel momentum with management, and estimated without it; all in N m s.
+
+    Of each row there are sizes alone, because a long run has many rows.
+    """
 
     times: Array
-    stored: Array  # (rows, 3) N m s, body
-    without: Array  # (rows, 3) N m s, body
-    target: Array  # (3,) N m s, body
-    h: Array  # (rows, wheels) N m s, of each wheel that exists
-    inverse: Array  # (wheels, 3), pseudoinverse of their axes
+    distance: Array  # (rows,) of the total momentum from its target
+    distance_without: Array  # (rows,) the same without management
+    # of the fullest wheel (n, 2), with management and without, as a plot shows it: over
+    # these times (s), and for how many rows
+    drawn_times: Array
+    fullest: Array
+    rows: int
+    gained: float  # largest change of the total momentum without management
+    removed: float  # largest difference that management makes
 
 
 def balance(manifest: Manifest, results: Results) -> MomentumBalance | None:
@@ -560,7 +575,6 @@ def _balance(manifest: Manifest, results: Results) -> MomentumBalance | None:
     gauss_seidel, or where too little is recorded.
     """
     parts: ManagementParts = manifest.parts[KEY]
-    values = manifest.parameters.get(parts.spacecraft, {})
     series_needed = balanced(parts)
     if (
         not series_needed
@@ -576,41 +590,66 @@ def _balance(manifest: Manifest, results: Results) -> MomentumBalance | None:
         ).tolist()
     ):
         return None  # the torque of scheduled firings is a disturbance
-    q, omega, impulse, h, *actuators = (results.values(s) for s in series_needed)
-    fired = actuators.pop() if parts.thrusters else None
-    intervals = [x for x in (fired, *actuators[:1]) if x is not None]
-    count = min(
-        len(q), *(len(b) for b in actuators[1:]), *(len(x) + 1 for x in intervals)
-    )
-    times, q, omega, impulse, h = (
-        x[:count] for x in (results.times(), q, omega, impulse, h)
-    )
+    means = {
+        f"{parts.torquers}.m_mean_body",
+        f"{parts.thrusters}.tau_mean_thruster_body",
+    }  # over steps, so that the last row has none
+    count = min(results.count(s) + (s in means) for s in series_needed)
     if count < 4:
         return None
-    known_wheels = _wheels_of(manifest, parts)
-    axes = axes_of(known_wheels)
-    body = (
-        omega @ carrier_of(values)[0].T
-        if {"inertia", "inertia_wheel"} <= values.keys()
-        else 0.0
-    )
-    managed = np.zeros((count, 3))
-    if actuators:
-        dipole, b = actuators
-        managed = managed + coil_impulse(times, b[:count], q, dipole[: count - 1])
-    if fired is not None:
-        managed = managed + fired_impulse(times, q, fired)
-    wheel_momentum = h @ axes.T
-    without = unmanaged(q, impulse, wheel_momentum, body, managed)
-    there = existing(known_wheels)
+    wheels = _wheels_of(manifest, parts)
+    there = existing(wheels)
+    inverse, target = np.linalg.pinv(axes_of(wheels)[:, there]), np.array(parts.target)
+    times = results.times()[:count]
+    distance, distance_without = np.empty(count), np.empty(count)
+    both, most, first = np.empty((count, 2)), np.zeros(2), np.zeros((1, 3))
+    for rows, h, wheel_momentum, without in _momenta(manifest, results, times):
+        if rows.start == 0:
+            first = without[:1]
+        distance[rows], distance_without[rows], *largest = effect(
+            wheel_momentum, without, target, first
+        )
+        most = np.maximum(most, largest)
+        for i, x in enumerate((h[:, there], without @ inverse.T)):
+            both[rows, i] = np.abs(x).max(axis=1, initial=0.0)
+    drawn = shape_of(times, both.__getitem__)
+    gained, removed = most.tolist()
     return MomentumBalance(
-        times,
-        wheel_momentum,
-        without,
-        np.array(parts.target),
-        h[:, there],
-        np.linalg.pinv(axes[:, there]),
+        times, distance, distance_without, *drawn, gained=gained, removed=removed
     )
+
+
+def _momenta(
+    manifest: Manifest, results: Results, times: Array
+) -> Iterator[tuple[slice, Array, Array, Array]]:
+    """Yield blocks of rows: momenta of the wheels, in all, and without management.
+
+    They are (rows, wheels), (rows, 3) and (rows, 3) in N m s, the latter in body.
+    Neighbours have a row in common.
+    """
+    parts: ManagementParts = manifest.parts[KEY]
+    values = manifest.parameters.get(parts.spacecraft, {})
+    *states, wheels = balanced(parts)[:4]
+    dipole, field = f"{parts.torquers}.m_mean_body", parts.field
+    axes, carrier = axes_of(_wheels_of(manifest, parts)), np.zeros((3, 3))
+    if {"inertia", "inertia_wheel"} <= values.keys():
+        carrier = carrier_of(values)[0]
+    given, start = np.zeros(3), np.zeros((1, 3))
+    for rows in blocks(len(times), 1):
+        q, omega, impulse = (results.values(s, rows) for s in states)
+        h, steps = results.values(wheels, rows), slice(rows.start, rows.stop - 1)
+        managed = np.tile(given, (len(q), 1))
+        if parts.torquers and field:
+            b, m = results.values(field, rows), results.values(dipole, steps)
+            managed = managed + coil_impulse(times[rows], b, q, m)
+        if parts.thrusters:
+            torque = results.values(balanced(parts)[-1], steps)
+            managed = managed + fired_impulse(times[rows], q, torque)
+        given = managed[-1]
+        body, wheel_momentum = omega @ carrier.T, h @ axes.T
+        if rows.start == 0:
+            start = momentum_at_start(q, impulse, wheel_momentum, body)
+        yield rows, h, wheel_momentum, unmanaged(q, impulse, managed, body, start)
 
 
 def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
@@ -622,22 +661,23 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
     if parts.brakes and not parts.holds:
         return []  # a craft that is braked, whose wheels have nothing to hold
     momentum_balance = balance(manifest, results)
-    if momentum_balance is None or not momentum_balance.h.shape[1]:
+    if momentum_balance is None or not existing(_wheels_of(manifest, parts)).any():
         return []
     from ..figures.plots import timeline  # slow import, needed for a report only
     from ..figures.style import COLOURS, DOTTED, LIMIT, figure, time_axis
     from ..numbers.text import spell_unit
 
-    fullest = np.abs(momentum_balance.h).max(axis=1)
-    without = np.abs(momentum_balance.without @ momentum_balance.inverse.T).max(axis=1)
+    times, rows = momentum_balance.drawn_times, momentum_balance.rows
+    fullest, without = momentum_balance.fullest.T
     capacity = _capacity(manifest.values_of(parts.wheels or ""))
     factor, unit = (
         (1e3, "mN.m.s") if max(fullest.max(), without.max()) < 1.0 else (1.0, "N.m.s")
     )
     fig, ax = figure()
-    seconds, time_unit = time_axis(momentum_balance.times)
-    x = momentum_balance.times / seconds
-    ax.plot(x, factor * fullest, COLOURS[0], width=1.4, label="with management")
+    seconds, time_unit = time_axis(times)
+    x = times / seconds
+    label = "with management"
+    ax.plot(x, factor * fullest, COLOURS[0], width=1.4, label=label, rows=rows)
     ax.plot(
         x,
         factor * without,
@@ -645,6 +685,7 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
         width=1.2,
         dash=(4.0, 2.0),
         label="without (estimated)",
+        rows=rows,
     )
     if capacity > 0.0:
         most = factor * max(fullest.max(), without.max())
@@ -675,30 +716,60 @@ def fired_impulse(times: Array, q: Array, torque: Array) -> Array:
     return np.vstack([np.zeros(3), np.cumsum(impulses, axis=0)])
 
 
+def momentum_at_start(
+    q: Array, impulse: Array, wheel_momentum: Array, body: Any
+) -> Array:
+    """Compute the total momentum (1, 3; N m s, eci) that a run begins with.
+
+    It is that of wheels and body in their first row, less the impulse until then.
+    """
+    return rotate_back(q[:1], (wheel_momentum + body)[:1]) - impulse[:1]
+
+
 def unmanaged(
-    q: Array, impulse: Array, wheel_momentum: Array, body: Any, managed: Array
+    q: Array, impulse: Array, managed: Array, body: Any, start: Array
 ) -> Array:
     """Compute the wheel momentum without management (rows, 3; N m s, body).
 
-    It follows from the momentum of wheels (`stored`) and body (`body`), and from the
-    external impulse and the impulse of management since the start (eci).
+    It follows from the momentum of the body (`body`), the total one at the start of the
+    run (`start`, eci), and the external impulse and the impulse of management since
+    then (eci).
     """
-    first = rotate_back(q[:1], (wheel_momentum + body)[:1])
-    without: Array = rotate(q, first + impulse - impulse[:1] - managed) - body
+    without: Array = rotate(q, start + impulse - managed) - body
     return without
 
 
-def off_target(
-    times: Array, wheel_momentum: Array, without: Array, target: Array
-) -> tuple[float, float]:
-    """Compute the rms distance of the wheels' momentum from its target (3,), N m s.
+def distances(wheel_momentum: Array, target: Array) -> Array:
+    """Compute the distance (rows,) of momenta (rows, 3) from others; N m s."""
+    return np.asarray(np.linalg.norm(wheel_momentum - target, axis=1))
 
-    Over the second half of the run: with management (`stored`), and without it.
+
+def effect(
+    wheel_momentum: Array, without: Array, target: Array, first: Array
+) -> tuple[Array, Array, float, float]:
+    """Compute what management does to wheel momenta (rows, 3; N m s, body).
+
+    These are the distances (rows,) from the target (3,), with management and without,
+    the largest change from the `first` one without it, and the largest difference that
+    it makes.
+    """
+    return (
+        distances(wheel_momentum, target),
+        distances(without, target),
+        float(distances(without, first).max()),
+        float(distances(wheel_momentum, without).max()),
+    )
+
+
+def off_target(
+    times: Array, distance: Array, distance_without: Array
+) -> tuple[float, float]:
+    """Compute the rms distance of the wheels' momentum from its target, N m s.
+
+    Over the second half of the run: with management, and without it (rows,).
     """
     late = times >= (times[0] + times[-1]) / 2.0
-    distance = np.linalg.norm(wheel_momentum[late] - target, axis=1)
-    other = np.linalg.norm(without[late] - target, axis=1)
-    return _rms(distance, times[late]), _rms(other, times[late])
+    return _rms(distance[late], times[late]), _rms(distance_without[late], times[late])
 
 
 def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
@@ -734,9 +805,10 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
     return lines + describe_effect(
         parts.manager,
         momentum_balance.times,
-        momentum_balance.stored,
-        momentum_balance.without,
-        momentum_balance.target,
+        momentum_balance.distance,
+        momentum_balance.distance_without,
+        momentum_balance.gained,
+        momentum_balance.removed,
         parts.deadband,
         _capacity(manifest.values_of(parts.wheels or "")),
     )
@@ -759,7 +831,9 @@ def _largest_late_error(parts: ManagementParts, results: Results) -> float | Non
     series = [f"{parts.spacecraft}.q_bi", reference]
     if missing(series, results):
         return None
-    return largest_late_error(*(results.values(name) for name in series))
+    return results.once(
+        "late error", lambda: largest_late_error(*map(results.series, series))
+    )
 
 
 # --- Lines from series, which a live page makes by the same functions -----------------
@@ -796,26 +870,26 @@ def describe_braking(manager: str, omega: Array) -> list[str]:
 def describe_effect(
     manager: str,
     times: Array,
-    wheel_momentum: Array,
-    without: Array,
-    target: Array,
+    distance: Array,
+    distance_without: Array,
+    gained: float,
+    removed: float,
     deadband: float,
     capacity: float,
 ) -> list[str]:
     """Return a line if management does nothing, or leaves more than there would be.
 
-    Momenta are in N m s: those of a `MomentumBalance` (rows, 3; body), the deadband of the law
-    and the capacity of the smallest wheel.
+    Momenta are in N m s: those of a `MomentumBalance`, the deadband of the law and the
+    capacity of the smallest wheel.
     """
-    share = removed_share(
-        times, wheel_momentum, without, target, max(deadband, SMALL * capacity)
-    )
+    brought = max(float(distance[0]), gained)
+    share = removed_share(times, brought, removed, max(deadband, SMALL * capacity))
     if share is not None and share < NOTHING:
         return [
             f"management: {manager} is on and takes out {100.0 * share:.2g} % of "
             "what comes in: it does nothing"
         ]
-    deviation, unmanaged_deviation = off_target(times, wheel_momentum, without, target)
+    deviation, unmanaged_deviation = off_target(times, distance, distance_without)
     if (
         deviation
         <= (1.0 + ALIKE) * max(unmanaged_deviation, deadband) + SMALL * capacity
@@ -828,26 +902,17 @@ def describe_effect(
 
 
 def removed_share(
-    times: Array,
-    wheel_momentum: Array,
-    without: Array,
-    target: Array,
-    negligible: float,
+    times: Array, brought: float, removed: float, negligible: float
 ) -> float | None:
     """Compute the momentum that management removes over the incoming momentum.
 
-    Both are the largest during the run. The incoming momentum is the external impulse
-    without that of management, and the initial wheel momentum beyond the target. None
-    where it is at most `negligible` (N m s), or the run is short.
+    Both (N m s) are the largest during the run. The incoming momentum is the external
+    impulse without that of management, or the initial wheel momentum beyond the target.
+    None where it is at most `negligible`, or the run is short.
     """
-    if times[-1] - times[0] < LONG_ENOUGH:
+    if times[-1] - times[0] < LONG_ENOUGH or brought <= negligible or brought == 0.0:
         return None
-    begin = float(np.sqrt(((wheel_momentum[0] - target) ** 2).sum()))
-    gained = without - without[0]
-    brought = max(begin, float(np.linalg.norm(gained, axis=1).max()))
-    if brought <= negligible or brought == 0.0:
-        return None
-    return float(np.linalg.norm(wheel_momentum - without, axis=1).max()) / brought
+    return removed / brought
 
 
 def _wheels_of(manifest: Manifest, parts: ManagementParts) -> Values:
@@ -887,6 +952,12 @@ def rows_a_period(values: Values, step: float) -> int:
     )
 
 
+@by_rows(1)
+def coil_dipoles(m: Array, inverse: Array) -> Array:
+    """Compute the size of each coil's dipole (rows, coils; A m2) from their sum."""
+    return np.asarray(np.abs(m @ inverse.T))
+
+
 def of_coils(m: Array, inverse: Array, most: float, period: int) -> tuple[float, float]:
     """Compute the coil duty and the share of time with a coil saturated (both in %).
 
@@ -894,7 +965,7 @@ def of_coils(m: Array, inverse: Array, most: float, period: int) -> tuple[float,
     the coil axes. The dipole is averaged over `period` rows, and `most` is the largest
     average (A m2) of each coil.
     """
-    coils = np.abs(m @ inverse.T)
+    coils = coil_dipoles(m, inverse)
     coils = coils[: len(coils) // period * period]
     coils = coils.reshape(-1, period, coils.shape[1]).mean(axis=1)
     at_limit = (coils >= AT_LIMIT * most).any(axis=1)
@@ -913,8 +984,8 @@ def fill(manifest: Manifest, results: Results) -> Array | None:
     there = existing(wheels)
     if not there.any() or not {"inertia_wheel", "speed_limit"} <= wheels.keys():
         return None
-    h = np.abs(results.values(signals(parts)[0])[:, there])
-    return np.asarray(100.0 * (h / capacities(wheels)[there]).max(axis=1))
+    h = results.series(signals(parts)[0], there)
+    return 100.0 * share_of_capacity(h, capacities(wheels)[there])
 
 
 def stored(manifest: Manifest, results: Results) -> Array | None:
@@ -931,17 +1002,29 @@ def stored(manifest: Manifest, results: Results) -> Array | None:
     return np.asarray(h @ axes_of(wheels)[:, there].T)
 
 
+@by_rows(1)
+def share_of_capacity(h: Array, capacity: Array) -> Array:
+    """Compute the share of its capacity (rows,) that the fullest wheel holds."""
+    return np.asarray((np.abs(h) / capacity).max(axis=1))
+
+
+@by_rows(1)
+def is_negative(speed: Array) -> Array:
+    """Return whether speeds (rows, wheels) are negative."""
+    return np.signbit(speed)
+
+
 def margin(h: Array, capacity: Array) -> float:
     """Compute the smallest momentum margin (%) of the wheels.
 
     Momenta are (rows, wheels) and capacities (wheels,), both in N m s.
     """
-    return 100.0 * (1.0 - float((np.abs(h) / capacity).max()))
+    return 100.0 * (1.0 - float(share_of_capacity(h, capacity).max()))
 
 
 def of_wheels(times: Array, saturated: Array, speed: Array) -> tuple[float, float]:
     """Compute the time with a wheel saturated (s) and the number of zero crossings."""
     steps = np.diff(times, append=times[-1])
     at_limit = np.asarray(saturated.reshape(len(saturated), -1).any(axis=1))
-    crossings = np.diff(np.signbit(speed), axis=0).sum()
+    crossings = np.diff(is_negative(speed), axis=0).sum()
     return float(steps[: len(at_limit)] @ at_limit), float(crossings)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..numbers.derived import rotate_back
+from ..numbers.shapes import shape_of
 from ..numbers.text import Value
 from ..system.craft import carrier_inertia, craft_of
 from ..system.model import Parameter, System
@@ -90,13 +91,16 @@ def rigid_body(system: System) -> RigidBodyParts | None:
 class Momentum(NamedTuple):
     """Momentum residual of a run.
 
-    It has times (s), the residual (rows, 3) in N m s, eci, and the largest momentum (N
-    m s) of the whole or of the wheels.
+    It has the largest momentum of the whole or of the wheels, the largest residual (N m
+    s), and the residual over time as a plot shows it: times (s), values (n, 3; N m s,
+    eci), and how many rows they stand for.
     """
 
+    largest: float
+    most: float
     times: Array
     residual: Array
-    largest: float
+    rows: int
 
 
 def momentum(manifest: Manifest, results: Results) -> Momentum | None:
@@ -116,24 +120,37 @@ def _momentum(manifest: Manifest, results: Results) -> Momentum | None:
     if not set(series) <= set(results.names()):
         return None
     times = results.times(series[0])
+    rows_read = [results.series(s) for s in series]
     # a slow component's outputs are held between its steps
     every = lcm(*(manifest.step_ratio[s.partition(".")[0]] for s in series))
-    is_master_step = (
-        np.round((times - manifest.start) / manifest.step).astype(int) % every == 0
-    )
-    values = [results.values(s)[is_master_step] for s in series]
-    impulse, h = values[-2:]
-    if len(impulse) == 0:
+    if every > 1:
+        number = np.round((times - manifest.start) / manifest.step).astype(int)
+        times = times[number % every == 0]
+        rows_read = [s.at(number % every == 0) for s in rows_read]
+    if len(times) == 0:
         return None
-    if body.total:
-        in_eci = values[0]
-    else:
-        q, omega = values[:2]
+    carrier, axes = None, None
+    if not body.total:
         carrier, axes = carrier_of(manifest.parameters[body.spacecraft])
-        in_eci = rotate_back(q, omega @ carrier.T + h @ axes.T)
-    sizes = np.linalg.norm(in_eci, axis=1).max(), np.linalg.norm(h, axis=1).max()
-    residual = in_eci - in_eci[0] - (impulse - impulse[0])
-    return Momentum(times[is_master_step], residual, float(max(sizes)))
+    most, first = np.zeros(2), np.zeros((2, 3))
+
+    def read(rows: slice) -> Array:
+        """Compute rows of the residual, and note the largest values."""
+        nonlocal most, first
+        *values, impulse, h = (s[rows] for s in rows_read)
+        in_eci = values[0]
+        if carrier is not None and axes is not None:
+            in_eci = rotate_back(values[0], values[1] @ carrier.T + h @ axes.T)
+        if rows.start == 0:
+            first = np.array([in_eci[0], impulse[0]])
+        residual = in_eci - first[0] - (impulse - first[1])
+        largest = max(float(np.linalg.norm(x, axis=1).max()) for x in (in_eci, h))
+        off = float(np.linalg.norm(residual, axis=1).max())
+        most = np.maximum(most, [largest, off])
+        return np.asarray(residual)
+
+    shape = shape_of(times, read)
+    return Momentum(float(most[0]), float(most[1]), *shape)
 
 
 def carrier_of(parameters: Mapping[str, Parameter]) -> tuple[Array, Array]:
@@ -171,8 +188,8 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     series = momentum(manifest, results)
     if series is None:
         return {}
-    largest = float(np.linalg.norm(series.residual, axis=1).max())
-    return {"momentum_residual": Value("Momentum residual, largest", largest, "N.m.s")}
+    title = "Momentum residual, largest"
+    return {"momentum_residual": Value(title, series.most, "N.m.s")}
 
 
 def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
@@ -229,19 +246,19 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
     return (
         []
         if series is None
-        else [(caption, plot(series.times, series.residual, results))]
+        else [(caption, plot(series.times, series.residual, series.rows, results))]
     )
 
 
-def plot(times: Array, residual: Array, results: Results) -> Figure:
-    """Draw the residual over time, above the strips of the run's modes."""
+def plot(times: Array, residual: Array, rows: int, results: Results) -> Figure:
+    """Draw the residual of so many rows over time, above the strips of the run's modes."""
     from ..figures.plots import timeline  # slow import, needed for a report only
     from ..figures.style import COLOURS, figure, time_axis
 
     fig, ax = figure()
     seconds, unit = time_axis(times)
     for i, axis in enumerate("xyz"):
-        ax.plot(times / seconds, residual[:, i], COLOURS[i], label=axis)
+        ax.plot(times / seconds, residual[:, i], COLOURS[i], label=axis, rows=rows)
     timeline(ax, seconds, unit, results)
     ax.y.label = "residual [N m s], eci"
     return fig

@@ -100,6 +100,7 @@ class Mark:
     name: str = ""
     # the line that lies within, for an area that encloses a fast line
     full_run: tuple[Array, Array] | None = None
+    rows: int = 0  # samples that a line of fewer points stands for; 0: its points
 
     @property
     def count(self) -> int:

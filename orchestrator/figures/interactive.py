@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..numbers.shapes import extremes, split
 from ..system.typed import JsonObject
 from .canvas import Axes, Figure, Mark
 
@@ -48,7 +49,7 @@ def data_of(figures: Sequence[Figure]) -> JsonObject:
         else None
         for figure, lines_of_figure in zip(figures, lines, strict=True)
     ]
-    is_whole = sum(len(line.x) for of in lines for line in of) <= SAMPLES
+    is_whole = sum(max(len(x.x), x.mark.rows) for of in lines for x in of) <= SAMPLES
     for plot, lines_of_figure in zip(plots, lines, strict=True):
         if plot is not None:
             plot["samples"] = _samples(
@@ -71,10 +72,11 @@ def _samples(
 ) -> JsonObject | None:
     """Pack all samples of lines over x in `unit`; None if they are drawn as they are."""
     x, columns = _shared([(line.x, line.y) for line in lines])
-    if len(x) <= points:
+    rows = max(len(x), *(line.mark.rows for line in lines))
+    if rows <= points:
         return None
-    if not is_whole:
-        return {"rows": len(x)}
+    if not is_whole or rows > len(x):
+        return {"rows": rows}
     grid = _pack_grid(unit * x)
     return {
         "rows": len(x),
@@ -273,14 +275,10 @@ def thinned(
     shared, is_alike = _shared_grid(lines)
     if len(shared) <= most:
         return _shared(lines)
-    parts = most // 2
-    edges = np.linspace(shared[0], shared[-1], parts + 1)
-    quarter = 0.25 * (edges[1] - edges[0])
-    times = np.column_stack([edges[:-1] + quarter, edges[1:] - quarter]).ravel()
-    times[0], times[-1] = shared[0], shared[-1]
-    starts = np.searchsorted(shared, edges[:-1])
+    times, starts = split(shared, most // 2)
+    firsts = shared[starts]
     return times, [
-        _ends(y, starts if is_alike else np.searchsorted(x, edges[:-1]))
+        extremes(y, starts if is_alike else np.searchsorted(x, firsts))
         for x, y in lines
     ]
 
@@ -301,27 +299,6 @@ def _shared(lines: Sequence[tuple[Array, Array]]) -> tuple[Array, list[Array]]:
     for column, (x, y) in zip(columns, lines, strict=True):
         column[np.searchsorted(shared, x)] = y
     return shared, columns
-
-
-def _ends(y: Array, starts: NDArray[np.intp]) -> Array:
-    """Compute minimum and maximum of the parts that begin at these rows.
-
-    They are nan where a part has no value.
-    """
-    counts = np.diff(np.minimum(starts, len(y)), append=len(y))
-    some = counts > 0
-    begin = starts[some]
-    least, most = (
-        (np.fmin, np.fmax) if np.isnan(y.min()) else (np.minimum, np.maximum)
-    )  # the latter are faster
-    low, high = least.reduceat(y, begin), most.reduceat(y, begin)
-    falls = y[begin] > y[begin + counts[some] - 1]
-    ends = np.full((len(starts), 2), np.nan)
-    ends[some, 0], ends[some, 1] = (
-        np.where(falls, high, low),
-        np.where(falls, low, high),
-    )
-    return ends.ravel()
 
 
 def _floats(values: Array) -> tuple[NDArray[np.float32], float]:

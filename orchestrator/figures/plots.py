@@ -12,6 +12,7 @@ from ..engine.recording.results import Results
 from ..numbers import derived
 from ..numbers.limits import limits_of
 from ..numbers.numbers import sample_time_of, scale
+from ..numbers.shapes import alternate, shape_of
 from ..system.errors import DesatError, nearest
 from ..system.expression import Table
 from .canvas import INCH, Axes, Figure, Strip
@@ -43,6 +44,7 @@ class Line(NamedTuple):
     times: Any
     values: Any
     stepped: bool = False  # True: each value holds until the next
+    rows: int = 0  # samples that it stands for, where they are more than its values; 0: its values
 
 
 FAR = 10.0  # a limit beyond this factor of the drawn range is only named
@@ -108,17 +110,11 @@ def _drawn_lines(
     plot: Plot, results: Results, parameters: Table, unit: str
 ) -> list[Line]:
     """Return the lines of a plot, an error from a held reference at its samples alone."""
-    lines, sample_time = lines_of(plot, results, unit), sample_time_of(plot, parameters)
+    sample_time = sample_time_of(plot, parameters)
     signals = derived.compared_signals(plot, set(results.names()))
-    if sample_time <= 0.0 or signals != tuple(plot.signals):
-        return lines
-    return [_at_samples(line, sample_time) for line in lines]
-
-
-def _at_samples(line: Line, sample_time: float) -> Line:
-    """Return the rows of a line at which its reference is new."""
-    sampled = derived.sample_rows(line.times, sample_time)
-    return line._replace(times=line.times[sampled], values=line.values[sampled])
+    if signals != tuple(plot.signals):  # the reference is known at every row
+        sample_time = 0.0
+    return lines_of(plot, results, unit, sample_time)
 
 
 def _largest(lines: list[Line]) -> list[Line]:
@@ -236,6 +232,7 @@ def _draw(
                     label=name and f"{name}: least to most",
                     name=owners,
                     full_run=(line.times / seconds, line.values),
+                    rows=line.rows,
                 )
                 continue
             ax.plot(
@@ -245,6 +242,7 @@ def _draw(
                 label=name,
                 stepped=line.stepped,
                 name=owners,
+                rows=line.rows,
                 **look,
             )
 
@@ -283,12 +281,17 @@ def _draw_limits(
             ax.level(-value, LIMIT, width=0.9, dash=DOTTED)
 
 
-def lines_of(plot: Plot, results: Results, unit: str) -> list[Line]:
-    """Return the lines of a scenario's plot in a run, for recorded series only."""
+def lines_of(
+    plot: Plot, results: Results, unit: str, sample_time: float = 0.0
+) -> list[Line]:
+    """Return the lines of a scenario's plot in a run, for recorded series only.
+
+    A derived one has the rows at which a reference of `sample_time` s is new; 0: all.
+    """
     series_names = set(results.names())
     if plot.derive:
         return (
-            _derived_lines(plot, results, unit)
+            _derived_lines(plot, results, unit, sample_time)
             if series_names.issuperset(plot.signals)
             else []
         )
@@ -296,39 +299,63 @@ def lines_of(plot: Plot, results: Results, unit: str) -> list[Line]:
     return [line for signal in signals for line in _lines(plot, results, signal, unit)]
 
 
-def _derived_lines(plot: Plot, results: Results, unit: str) -> list[Line]:
+def _derived_lines(
+    plot: Plot, results: Results, unit: str, sample_time: float
+) -> list[Line]:
     """Return the lines that a plot derives from its signals."""
     entry = derived.of_entry(plot)
     assert entry is not None
     quantity, options = entry
     signals = derived.compared_signals(plot, set(results.names()))
-    series = [results.values(s) for s in signals]
-    values = quantity.rows(results.times(), series, options)
+    series = [results.series(s) for s in signals]
+    times = results.times()[: min(map(len, series))]
+    if sample_time > 0.0:
+        sampled = derived.sample_rows(times, sample_time)
+        times, series = times[sampled], [s.at(sampled) for s in series]
+
+    def read(rows: slice) -> Any:
+        """Compute rows of the quantity."""
+        return quantity.rows(times[rows], [s[rows] for s in series], options)
+
+    if quantity.is_sum:
+        whole = read(slice(None))
+        times, read = times[: len(whole)], whole.__getitem__
+    times, values, count = shape_of(times, read)
     values = values * scale(
         quantity.unit or results.attribute(plot.signals[0], "unit"), unit
     )
-    times = results.times()[: len(values)]
     # an empty name in the scenario leaves its element out; a quantity may have no names
     names = enumerate(plot.components or quantity.names)
-    return [Line(n, times, values[:, i]) for i, n in names if n or not plot.components]
+    return [
+        Line(n, times, values[:, i], rows=count)
+        for i, n in names
+        if n or not plot.components
+    ]
 
 
 def _lines(plot: Plot, results: Results, signal: str, unit: str) -> list[Line]:
     """Return the lines of a signal: one per element, or its size."""
-    values = results.values(signal).astype(float) * scale(
-        results.attribute(signal, "unit"), unit
-    )
-    times = results.times(signal)
-    stepped = results.attribute(signal, "class") == "interval"
+    series, width = results.series(signal), np.ndim(results.values(signal, slice(0, 1)))
+
+    def read(rows: slice) -> Any:
+        """Read rows of the elements or of their size."""
+        values = np.asarray(series[rows], float)
+        return np.linalg.norm(values, axis=1) if plot.norm and width > 1 else values
+
+    times, values, rows = shape_of(results.times(signal), read)
+    stepped = results.attribute(signal, "class") == "interval" and rows == len(times)
+    if (extremes := results.extremes(signal)) and not (plot.norm and width > 1):
+        rows *= results.every
+        times, values = alternate(times, *extremes)
+        stepped = False
+    values = values * scale(results.attribute(signal, "unit"), unit)
     prefix = "" if len(plot.signals) == 1 else signal.partition(".")[2]
-    if values.ndim == 1:
-        return [Line(prefix, times, values, stepped)]
-    if plot.norm:
-        return [Line(prefix, times, np.linalg.norm(values, axis=1), stepped)]
+    if width == 1 or plot.norm:
+        return [Line(prefix, times, values[:, 0], stepped, rows)]
     # an element without a name, as of a missing wheel, is not shown
     names = plot.components or elements_of(signal, values.shape[1])
     return [
-        Line(f"{prefix} {name}".strip(), times, values[:, i], stepped)
+        Line(f"{prefix} {name}".strip(), times, values[:, i], stepped, rows)
         for i, name in enumerate(names)
         if name
     ]

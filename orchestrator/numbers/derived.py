@@ -10,8 +10,10 @@ parameter.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Container, Sequence
+import math
+from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import dataclass
+from functools import wraps
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Derive = Callable[..., Array]
+BLOCK = 1 << 15  # rows that are computed together, so that memory holds no more
 
 
 @dataclass(frozen=True)
@@ -50,16 +53,68 @@ class DerivedQuantity:
             p.name for p in parameters if p.default is p.empty and p.name not in other
         ]
 
+    @property
+    def is_sum(self) -> bool:
+        """Return whether a row depends on those before: it takes the times, too."""
+        return "times" in inspect.signature(self.function).parameters
+
     def rows(
         self, times: Array, series: Sequence[Array], options: dict[str, Any]
     ) -> Array:
         """Compute its rows (rows, elements); all series are cut to the shortest."""
         count = min(map(len, series))
-        columns = [s[:count] for s in series]
-        if "times" in inspect.signature(self.function).parameters:
-            columns.insert(0, times[:count])
-        values = self.function(*columns, **options)
+        columns = [head(s, count) for s in series]
+        if self.is_sum:
+            columns = [times[:count], *map(np.asarray, columns)]
+            values = self.function(*columns, **options)
+        else:
+            values = by_rows(len(columns))(self.function)(*columns, **options)
         return values if values.ndim > 1 else values[:, None]
+
+
+def blocks(rows: int, more: int = 0) -> Iterator[slice]:
+    """Yield the slices of blocks of rows; neighbours have `more` rows in common."""
+    for first in range(0, max(rows - more, 1), BLOCK):
+        yield slice(first, min(first + BLOCK + more, rows))
+
+
+def head(column: Any, count: int) -> Any:
+    """Return the first rows of an array or a series."""
+    return column[:count] if isinstance(column, np.ndarray) else column.head(count)
+
+
+def by_rows(count: int) -> Callable[[Derive], Derive]:
+    """Make a function compute its rows in blocks.
+
+    Its first `count` arguments have a row for each of its result. They may be series
+    that are read as they are used.
+    """
+
+    def in_blocks(function: Derive) -> Derive:
+        """Return the function that calls the given one for each block."""
+
+        @wraps(function)
+        def rows_of(*columns: Any, **options: Any) -> Array:
+            """Return the rows of the result."""
+            of_rows, others = columns[:count], columns[count:]
+            length = len(of_rows[0])
+            table = of_rows[0].shape[2:] if isinstance(of_rows[0], np.ndarray) else ()
+            some = max(1, BLOCK // math.prod(table))
+            if length <= some:
+                return function(*map(np.asarray, of_rows), *others, **options)
+            result = np.empty(0)
+            for first in range(0, length, some):
+                rows = slice(first, min(first + some, length))
+                block = (np.asarray(c[rows]) for c in of_rows)
+                part = function(*block, *others, **options)
+                if first == 0:
+                    result = np.empty((length, *part.shape[1:]), part.dtype)
+                result[rows] = part
+            return result
+
+        return rows_of
+
+    return in_blocks
 
 
 QUANTITIES: dict[str, DerivedQuantity] = {}
@@ -162,6 +217,7 @@ def _rows(*columns: Array) -> Array:
 
 
 @quantity("x", "y", "z", unit="deg")
+@by_rows(2)
 def error_vector(q: Array, q_ref: Array) -> Array:
     """The rotation vectors from the reference to the attitude, body axes (deg)."""
     x, y, z, w = q.T
@@ -224,6 +280,7 @@ def compared_signals(entry: Number | Plot, recorded: Container[str]) -> tuple[st
 
 
 @quantity("", unit="deg")
+@by_rows(2)
 def pointing(q: Array, q_ref: Array) -> Array:
     """The angle between attitudes (deg), row by row; exact for small ones."""
     sign = np.where((q * q_ref).sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from desat.components.contract.units import Unit, times, unit_of
 
-from .derived import error_vector, pointing
+from .derived import by_rows, error_vector, pointing
 
 # --- What a measure is: a function that is known by its name, and the unit that it gives --------
 
@@ -98,10 +98,35 @@ OF_ENDS = (
 )
 """Measures of the last row, or of the first and the last: few rows suffice."""
 
+
+@by_rows(1)
+def mean_elements(values: Array) -> Array:
+    """The mean size of the elements of each row."""
+    return np.asarray(np.abs(values).mean(axis=1))
+
+
+@by_rows(1)
+def largest_elements(values: Array) -> Array:
+    """The size of the largest element of each row."""
+    return np.asarray(np.abs(values).max(axis=1))
+
+
+@by_rows(1)
+def norms(values: Array) -> Array:
+    """The size of the vector in each row."""
+    return np.asarray(np.linalg.norm(values, axis=1))
+
+
+@by_rows(1)
+def square_sums(values: Array) -> Array:
+    """The sum of the squares of the elements of each row."""
+    return np.asarray((values**2).sum(axis=1))
+
+
 SIZES: dict[str, Callable[[Array], Array]] = {
-    "mean": lambda v: np.asarray(np.abs(v).mean(axis=1)),
-    "largest": lambda v: np.asarray(np.abs(v).max(axis=1)),
-    "norm": lambda v: np.asarray(np.linalg.norm(v, axis=1)),
+    "mean": lambda v: mean_elements(v),
+    "largest": lambda v: largest_elements(v),
+    "norm": lambda v: norms(v),
 }
 """Kinds of size of a row, for `until_below`."""
 
@@ -121,21 +146,20 @@ def norm_last(times: Array, values: Array) -> float:
 @measure
 def largest(times: Array, values: Array) -> float:
     """The largest size of any element at any time."""
-    return float(np.abs(values).max())
+    return float(largest_elements(values).max())
 
 
 @measure
 def norm_largest(times: Array, values: Array) -> float:
     """The largest size of a vector."""
-    return float(np.linalg.norm(values, axis=1).max())
+    return float(norms(values).max())
 
 
 @measure
 def rms(times: Array, values: Array, each: int = 0) -> float:
     """The root of the mean square size; with `each` 1 of the mean square element."""
-    return float(
-        np.sqrt((values**2).mean() if each else (values**2).sum(axis=1).mean())
-    )
+    mean = square_sums(values).mean()
+    return float(np.sqrt(mean / len(values[0]) if each else mean))
 
 
 @measure
@@ -214,7 +238,7 @@ def share_along(times: Array, values: Array, direction: Array) -> float:
 @measure
 def norm_mean(times: Array, values: Array) -> float:
     """The mean size of a vector."""
-    return float(np.linalg.norm(values, axis=1).mean())
+    return float(norms(values).mean())
 
 
 @measure
@@ -232,7 +256,7 @@ def norm_level_while(
 @measure
 def mean_size(times: Array, values: Array) -> float:
     """The mean over time and elements of the elements' sizes."""
-    return float(np.abs(values).mean())
+    return float(mean_elements(values).mean())
 
 
 @measure
@@ -244,7 +268,7 @@ def mean_size_last(times: Array, values: Array) -> float:
 @measure
 def largest_mean(times: Array, values: Array) -> float:
     """The mean over time of the size of the largest element."""
-    return float(np.abs(values).max(axis=1).mean())
+    return float(largest_elements(values).mean())
 
 
 @measure
@@ -427,6 +451,13 @@ def pointing_level(times: Array, q: Array, q_ref: Array, level: float = 95.0) ->
     return float(np.percentile(pointing(q, q_ref), level))
 
 
+@by_rows(1)
+def deviations(windows: Array) -> Array:
+    """The distances (windows, rows) of vectors (windows, rows, 3) from their mean."""
+    mean = windows.mean(axis=1, keepdims=True)
+    return np.asarray(np.linalg.norm(windows - mean, axis=2))
+
+
 @in_unit("deg")
 def pointing_relative(
     times: Array, q: Array, q_ref: Array, interval: float, level: float | None = None
@@ -442,5 +473,5 @@ def pointing_relative(
     windows = error[: len(error) // count * count].reshape(-1, count, 3)
     if not len(windows):
         return float("nan")
-    size = np.linalg.norm(windows - windows.mean(axis=1, keepdims=True), axis=2)
+    size = deviations(windows)
     return float(size.mean() if level is None else np.percentile(size, level))

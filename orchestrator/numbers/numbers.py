@@ -30,6 +30,7 @@ from functools import cache, partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from desat.components.contract.units import Unit
 
@@ -93,34 +94,29 @@ class BoundNumber(NamedTuple):
         held = self.sample_time > 0.0 and signals == tuple(self.number.signals)
         if held:
             sampled = derived.sample_rows(times, self.sample_time)
-            times, columns = times[sampled], [c[:rows][sampled] for c in columns]
+            times, columns = times[sampled], [_at(c, sampled) for c in columns]
             rows = len(times)
         if self.number.window:
             begin, end = self.number.window
             inside = (times >= begin - 1e-6) & (times <= end + 1e-6)
-            times, columns = times[inside], [c[:rows][inside] for c in columns]
+            times, columns = times[inside], [_at(c, inside) for c in columns]
             rows = len(times)
         if rows == 0:
             return MeasuredNumber(None, 0, held)
+        columns = [derived.head(c, rows) for c in columns]
         with np.errstate(over="ignore"):  # a run that diverges has infinite numbers
-            value = self.measure(times, *(c[:rows] for c in columns), **self.options)
+            value = self.measure(times, *columns, **self.options)
         converted_value = None if math.isnan(value) else self.convert(value)
         return MeasuredNumber(converted_value, rows, held)
 
-    def _columns(self, results: Results, signals: Sequence[str]) -> list[derived.Array]:
-        """Return the measured columns, (rows, elements) each.
+    def _columns(self, results: Results, signals: Sequence[str]) -> list[Any]:
+        """Return the measured columns, (rows, elements) each, as arrays or series.
 
-        They are the signals or a quantity derived from them, and are cached, because
-        several numbers measure the same ones.
+        They are the signals or a quantity derived from them, which is cached, because
+        several numbers measure the same one.
         """
-
-        def column(signal: str) -> derived.Array:
-            """Read a series as floats (rows, elements)."""
-            values = results.values(signal)
-            return (values if values.ndim > 1 else values[:, None]).astype(float)
-
         number = self.number
-        columns = [results.recent(name, partial(column, name)) for name in signals]
+        columns = [results.series(name, slice(None)) for name in signals]
         if self.quantity is not None:
             key = (number.derive, *signals, number.sequence)
             options = self.derive_options
@@ -131,6 +127,13 @@ class BoundNumber(NamedTuple):
                 raise DesatError(f"element {element}: there are {columns[0].shape[1]}")
             columns[0] = columns[0][:, element - 1 : element]
         return columns
+
+
+def _at(column: Any, rows: NDArray[np.bool_]) -> Any:
+    """Return these of the first rows of an array or a series."""
+    if isinstance(column, np.ndarray):
+        return column[: len(rows)][rows]
+    return column.at(rows)
 
 
 def bind(number: Number, series: SeriesLookup, parameters: Table | None) -> BoundNumber:

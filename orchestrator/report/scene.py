@@ -35,11 +35,16 @@ def view_of_run(manifest: Manifest, results: Results) -> JsonObject | None:
     sources = sources_of(roles)
     recorded = set(results.names())
     series = {
-        name: np.asarray(results.values(source), float)
+        name: results.series(source)
         for name, source in sources.items()
         if source in recorded
     }
-    return view(np.asarray(results.times(), float), series, values)
+    if "q" not in series:
+        return None
+    count = min(map(len, series.values()))
+    some = np.arange(count) % max(1, -(-count // ROWS)) == 0
+    shown = {name: np.asarray(s.at(some), float) for name, s in series.items()}
+    return view(np.asarray(results.times()[:count][some], float), shown, values)
 
 
 def sources_of(roles: Mapping[str, str]) -> dict[str, str]:

@@ -46,6 +46,7 @@ from .manifest import (
 )
 from .prepare import prepare
 from .step_case import StepOutcome, step
+from .validation import kept_every
 
 if TYPE_CHECKING:
     from pandas import DataFrame  # type: ignore[import-untyped]
@@ -294,8 +295,9 @@ def simulate(
         if folder is not None:
             remove(folder)
         choice, checkpoint = more, None
-    if case.options.every > 1 and run.ok:  # numbers are computed from all rows
-        run.results.thin(case.options.every)
+    every = kept_every(system, case.options)
+    if every > 1 and run.ok:  # numbers are computed from all rows
+        run.results.thin(every, extremes=case.options.every == 1)
     return run
 
 

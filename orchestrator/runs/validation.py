@@ -12,11 +12,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
 from functools import partial
-from math import inf
+from math import ceil, inf
 from pathlib import Path
 from typing import Any
 
 from ..analyses import analyses
+from ..engine.recording.shared_tables import MANY
 from ..language.content import Content, PaperEntry
 from ..language.paper import OfNumber
 from ..language.scenario import Dispersion, LimitLine, Number, Plot, Requirement
@@ -346,6 +347,8 @@ def _is_unbound(plot: Plot, limit: LimitLine, system: System) -> bool:
 # --- Recording and saving, checked before a run ---------------------------------------
 
 
+LONG, KEPT_ROWS = 1_000_000, 100_000  # steps of a run that is shortened, and to what
+LARGE = 1_000_000_000  # bytes on disk above which a run says what it takes
 _BYTES = {"Real": 8, "Integer": 4, "Boolean": 4}
 
 
@@ -403,18 +406,35 @@ def not_halved(system: System, options: Options) -> Iterator[str]:
             )
 
 
+def _recorded(system: System, options: Options) -> list[Signal]:
+    """Return the outputs that a run records."""
+    return [
+        s
+        for c in system.components.values()
+        for s in c.interface.outputs
+        if s.kind in KINDS and selects(options.record, c.name, s)
+    ]
+
+
 def size(system: System, options: Options) -> int:
     """Compute the size (bytes) of the recorded series of a run, undecimated.
 
     The run lasts to its stop time.
     """
-    row = 8 + sum(
-        _BYTES[s.kind]
-        for c in system.components.values()
-        for s in c.interface.outputs
-        if s.kind in KINDS and selects(options.record, c.name, s)
-    )
+    row = 8 + sum(_BYTES[s.kind] for s in _recorded(system, options))
     return row * (system.steps + 1)
+
+
+def kept_every(system: System, options: Options) -> int:
+    """Return of how many rows of a run its file keeps one.
+
+    It is `every`, and of a run that may be shortened so many that `KEPT_ROWS` are left
+    of more than `LONG`. Series that share tables are all kept.
+    """
+    is_long = options.shortens and system.steps > LONG
+    if options.every > 1 or not is_long or len(_recorded(system, options)) > MANY:
+        return options.every
+    return ceil(system.steps / KEPT_ROWS)
 
 
 def check_disk(system: System, options: Options, folder: Path) -> str:
@@ -429,4 +449,24 @@ def check_disk(system: System, options: Options, folder: Path) -> str:
     return (
         f"the series may take {bytes_needed / 1e9:.3g} GB, {free / 1e9:.3g} GB are free in {folder}: "
         "record less (--record)"
+    )
+
+
+def describe_size(system: System, options: Options) -> list[str]:
+    """Return a line with the room that a run takes on disk, where it is above 1 GB."""
+    if (bytes_needed := size(system, options)) < LARGE:
+        return []
+    line = f"{system.steps} steps take up to {bytes_needed / 1e9:.2g} GB on disk"
+    if kept_every(system, options) > options.every:
+        line += " while they are flown"
+    return [line]
+
+
+def describe_kept(every: int) -> str:
+    """Return what a file that has one of so many rows holds besides; "" if it has all."""
+    return (
+        f" (one row of {every}, with minimum, maximum and mean between; numbers are of "
+        "all rows, and --every 1 keeps them)"
+        if every > 1
+        else ""
     )

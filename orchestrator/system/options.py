@@ -131,6 +131,7 @@ class RunOptions(TypedDict, total=False):
     fmus: Fmus
     record: tuple[str, ...]
     every: int
+    shortens: bool
     output_classes: Mapping[str, Any]
     design: str | None
     trusted: frozenset[str] | None
@@ -182,6 +183,11 @@ class Options:
         metadata={"aside": "which series are kept; what numbers are made of is"},
     )
     every: int = field(default=1, metadata=COUNTS)
+    shortens: bool = field(
+        default=False,
+        metadata={"aside": "which rows are kept; numbers are made of all"} | NO_OPTION,
+    )
+    """Whether the file of a long run keeps some rows, and extremes between them."""
     output_classes: Mapping[str, Any] = field(
         default_factory=dict, metadata=RESOLVED | {"option": "output-class"}
     )

@@ -150,7 +150,8 @@
     const range = (u, min, max) => {
       if (min === null || (whole(u) && all(u))) return plot.range;
       if (plot.log) return uPlot.rangeLog(min, max, 10, false);
-      const rim = max > min ? 0.05 * (max - min) : 0.05 * Math.abs(max) || 1;
+      const size = Math.max(Math.abs(min), Math.abs(max));  // a constant differs by its rounding
+      const rim = max - min > 1e-12 * size ? 0.05 * (max - min) : 0.05 * size || 1;
       return [min - rim, max + rim];
     };
     const wide = (u, labels) => 16 + 7.5 * Math.max(3, ...(labels || []).map((s) => (s || "").length));

@@ -275,19 +275,22 @@ class Flight {
     if (series.dipole) managed = $.add(managed, measures.coil_impulse(times, cut("field"), cut("q"), cut("dipole", count - 1)));
     if (series.fired) managed = $.add(managed, measures.fired_impulse(times, cut("q"), this.series(series.fired)));
     const stored = $.matmul(cut("copy"), $.T(axes));
-    const without = measures.unmanaged(cut("q"), cut("impulse"), stored, body, managed);
+    const start = measures.momentum_at_start(cut("q"), cut("impulse"), stored, body);
+    const without = measures.unmanaged(cut("q"), cut("impulse"), managed, body, start);
+    const first = $.get(without, [{ slice: [0, 1] }]);
+    const effect = measures.effect(stored, without, $.array(this.law.managed.target), first);
     const columns = (x) => $.T($.get($.T(x), [there]));
-    return { times, stored, without, axes: columns(axes), h: columns(this.series(series.copy)), columns };
+    return { times, without, effect, axes: columns(axes), h: columns(this.series(series.copy)), columns };
   }
 
   // The numbers of management, by name.
   managed() {
-    const { names, series, coils, of, inverse, target, there } = this.law.managed;
+    const { names, series, coils, of, inverse, there } = this.law.managed;
     const found = {};
     const keep = (which, values) => which.forEach((name, i) => { found[name] = values[i]; });
     const known = this.balance();
     if (!known) return found;
-    const { times, stored, without, axes, h, columns } = known;
+    const { times, effect, axes, h, columns } = known;
     const own = $.array(inverse.map((r) => $.array(r)));
     keep(names.momentum, measures.of_momentum(this.times($.len(h)), h, axes, own));
     const dipole = series.dipole && this.series(series.dipole);
@@ -299,7 +302,7 @@ class Flight {
     found.momentum_margin = measures.margin(h, $.mul(rotors, this.table[of.limit]));
     const saturated = this.series(series.saturated);
     keep(names.wheels, measures.of_wheels(this.times(this.made + 1), saturated, columns(this.series(series.speed))));
-    if (this.lost() === null) keep(names.balance, measures.off_target(times, stored, without, $.array(target)));
+    if (this.lost() === null) keep(names.balance, measures.off_target(times, effect[0], effect[1]));
     return found;
   }
 
@@ -321,8 +324,7 @@ class Flight {
     const known = law?.holds && managed && this.lost() === null && this.balance();
     if (known) {
       const deadband = this.table[`${law.name}.h_deadband`] ?? law.deadband;
-      lines.push(...measures.describe_effect(law.name, known.times, known.stored, known.without, $.array(managed.target),
-        deadband, this.capacity()));
+      lines.push(...measures.describe_effect(law.name, known.times, ...known.effect, deadband, this.capacity()));
     }
     return lines;
   }

@@ -114,6 +114,7 @@ class _ScriptProgram:
         Raises DesatError where it does not translate.
         """
         name: str = thing.__name__
+        thing = inspect.unwrap(thing)  # rows may be computed in blocks
         if name not in self.parts:
             tree = ast.parse(textwrap.dedent(inspect.getsource(thing))).body[0]
             assert isinstance(tree, ast.FunctionDef)

@@ -585,7 +585,7 @@ def collect_remarks(
     )
     results = SimpleNamespace(
         names=lambda: [x for x in PARTS.series if x not in lacking],
-        values=lambda name: np.array([[h] * 4, [last] * 4]),
+        values=lambda name, rows: np.array([[h] * 4, [last] * 4])[rows],
     )
     manifest = SimpleNamespace(
         substep_choice=None,

@@ -89,8 +89,9 @@ def flight_of(first: float, left_rate: float, coils: float) -> Results:
 def removed_share_of(flight: Results) -> float | None:
     """Return the removed share of a flight by the momenta of its balance."""
     momenta = management.balance(manifest_of(PARTS), flight)
+    brought = max(float(momenta.distance[0]), momenta.gained)
     return management.removed_share(
-        momenta.times, momenta.stored, momenta.without, np.zeros(3), management.SMALL
+        momenta.times, brought, momenta.removed, management.SMALL
     )
 
 

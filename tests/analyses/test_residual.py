@@ -372,7 +372,7 @@ def manifest_with(**more: object) -> SimpleNamespace:
 
 def test_the_largest_residual_is_that_of_a_row(monkeypatch):
     off = np.array([[3.0, 0.0, 4.0], [0.0, -4.9, 0.0], [3.0, 0.0, 0.0]])
-    series = residual.Momentum(np.arange(3.0), off, 7.0)
+    series = residual.Momentum(7.0, 5.0, np.arange(3.0), off, 3)
     monkeypatch.setattr(residual, "momentum", lambda *_: series)
     number = residual.numbers(None, None)["momentum_residual"]
     assert (number.value, number.unit) == (5.0, "N.m.s")
@@ -550,7 +550,7 @@ def test_why_rows_have_no_balance(more, times, lacking, counts, reason):
     ],
 )
 def test_a_balance_at_its_bound_is_met(monkeypatch, hidden, impulse, about, lines):
-    series = residual.Momentum(np.zeros(1), np.zeros((1, 3)), 7.0)
+    series = residual.Momentum(7.0, 0.0, np.zeros(1), np.zeros((1, 3)), 1)
     numbers = {"hidden_work": hidden, "impulse_mismatch": impulse}
     manifest = manifest_with(
         about=about,

@@ -64,11 +64,13 @@ def run(
         ),
     ] = None,
     every: Annotated[
-        int,
+        int | None,
         typer.Option(
-            help="Keep the rows of every n-th step; numbers are made of all.", min=1
+            help="Keep the rows of every n-th step; numbers are made of all. Default: 1; "
+            "of more than a million steps 100,000 rows with minimum, maximum and mean.",
+            min=1,
         ),
-    ] = 1,
+    ] = None,
     csv: Annotated[bool, typer.Option("--csv", help="Write series.csv too.")] = False,
     baseline: Annotated[
         bool, typer.Option(help="Also run the scenario's baseline, and show it beside.")
@@ -119,7 +121,7 @@ def run(
 ) -> None:
     """Run a scenario and write a run folder: series, manifest, report."""
     from ...runs.run import prepare, simulate
-    from ...runs.validation import check_disk
+    from ...runs.validation import check_disk, describe_size
 
     if csv:
         import_module("pyarrow")  # before the flight
@@ -132,7 +134,8 @@ def run(
         classes,
         sources,
         record=tuple(record or ("*",)),
-        every=every,
+        every=every or 1,
+        shortens=every is None and not record,
         design=design,
         substeps=substeps,
         accuracy=accuracy,
@@ -156,6 +159,8 @@ def run(
         if short := check_disk(case.or_raise()[0], options, place.absolute()):
             case.warnings.append(short)
         warn(case.warnings)
+        for line in [] if as_json else describe_size(case.or_raise()[0], options):
+            err.print(f"note: {line}")
         finished = simulate(case, place, progress=not as_json, partial=True)
         _tell_isolation(case, finished, as_json)
         warn(finished.manifest.warnings[len(case.warnings) :])
@@ -350,8 +355,9 @@ def _report_run(
     """Print the results of a run."""
     from ...engine.recording.results import SERIES
     from ...report.run_tables import tabulate_numbers
+    from ...runs.validation import describe_kept
 
-    manifest = finished.manifest
+    manifest, kept = finished.manifest, describe_kept(finished.results.every)
     if as_json:
         print_json(
             {**manifest.to_json(), "folder": str(folder), "report": page and str(page)}
@@ -382,5 +388,5 @@ def _report_run(
     report = f"\nreport: {page.resolve()}" if page else ""
     out.print(
         f"{manifest.steps_done} steps, {manifest.us_per_step} us a step; series in "
-        f"{folder / SERIES}{report}",
+        f"{folder / SERIES}{kept}{report}",
     )

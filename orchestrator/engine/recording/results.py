@@ -21,16 +21,18 @@ from typing import Any, Self, TypeVar
 
 import h5py
 import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
 
 from ...files.io import regular
 from ...system.errors import DesatError, nearest, plain
 from . import memory, shared_tables
-from .series_file import pack
+from .series_file import CACHE, EVERY, pack
 
 T = TypeVar("T")
 Array = NDArray[Any]
-RECENT = 128 << 20  # bytes: cache of unpacked series and of results derived from them
+SOME = 1 << 16  # rows of a long series that are read together where some are kept
+RECENT = 64 << 20  # bytes: cache of unpacked series and of results derived from them
 SERIES, MANIFEST = "series.h5", "manifest.json"
 _FRAMES = {
     "eci": "eci",
@@ -70,6 +72,11 @@ def _unclosed(path: Path) -> Any:
         of_hdf5.H5Pset_metadata_read_attempts(ctypes.c_int64(access.id), _ATTEMPTS)
     flags = h5py.h5f.ACC_RDONLY | h5py.h5f.ACC_SWMR_READ
     return h5py.File(h5py.h5f.open(os.fsencode(path), flags, access))
+
+
+def _closed(path: Path) -> Any:
+    """Open a file whose writing has ended."""
+    return h5py.File(path, "r", rdcc_nbytes=CACHE)
 
 
 def _grown(file: Any) -> int:
@@ -113,6 +120,85 @@ def _check_series(file: Any, rows: int | None) -> None:
             raise ValueError(
                 f"{data.name}: {data.shape[0]} rows for {len(times)} times"
             )
+
+
+class Series(NDArrayOperatorsMixin):
+    """A series that is read as its rows are used, in place of an array.
+
+    A long one would fill the memory. It is an array to numpy and to operators, which
+    read it whole; slices of rows, and functions of `derived.by_rows`, do not.
+    """
+
+    def __init__(
+        self,
+        results: Results,
+        name: str,
+        columns: NDArray[np.bool_] | slice | None = None,
+        rows: NDArray[np.intp] | range | None = None,
+    ) -> None:
+        """Take the columns and rows of a series; None: as they are, and all rows.
+
+        With columns its values are floats (rows, columns).
+        """
+        self._results, self._name, self._columns = results, name, columns
+        self._rows = range(results.count(name)) if rows is None else rows
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def head(self, count: int) -> Series:
+        """Return the series without the rows after the first `count`."""
+        return Series(self._results, self._name, self._columns, self._rows[:count])
+
+    def at(self, rows: NDArray[np.bool_]) -> Series:
+        """Return the series at these of its first rows."""
+        at = np.flatnonzero(rows)
+        if not isinstance(self._rows, range):
+            at = self._rows[at]
+        return Series(self._results, self._name, self._columns, at)
+
+    def __getitem__(self, at: Any) -> Any:
+        if isinstance(at, tuple) and isinstance(at[0], int):
+            return self[at[0]][at[1:]]
+        if isinstance(at, int):
+            row = range(len(self))[at]
+            return self[row : row + 1][0]
+        if not isinstance(at, slice):
+            return np.asarray(self)[at]
+        rows = self._rows[at]
+        if isinstance(rows, range):
+            values = self._results.values(self._name, slice(rows.start, rows.stop))
+        else:
+            values = self._read(rows)
+        if self._columns is None:
+            return values
+        table = values.reshape(len(values), -1)[:, self._columns]
+        return table.astype(float, copy=False)
+
+    def _read(self, rows: NDArray[np.intp]) -> Array:
+        """Read rows, some thousands of the series at a time."""
+        firsts = np.arange(rows[0], rows[-1] + 1, SOME) if len(rows) else rows
+        bounds = np.searchsorted(rows, firsts)
+        parts = [
+            self._results.values(self._name, slice(at[0], at[-1] + 1))[at - at[0]]
+            for at in np.split(rows, bounds[1:])
+            if len(at)
+        ]
+        return np.concatenate(parts or [self._results.values(self._name, slice(0, 0))])
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
+        return np.asarray(self[:], dtype)
+
+    def __array_ufunc__(
+        self, ufunc: Any, method: str, *inputs: Any, **options: Any
+    ) -> Any:
+        arrays = (np.asarray(x) if isinstance(x, Series) else x for x in inputs)
+        return getattr(ufunc, method)(*arrays, **options)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):  # numpy asks for protocols that it has not
+            raise AttributeError(name)
+        return getattr(np.asarray(self), name)
 
 
 class Results:
@@ -176,7 +262,7 @@ class Results:
             file = file.with_name(file.name + ".part")
         try:
             regular(file, str(file))
-            opened = _unclosed(file) if file.suffix == ".part" else h5py.File(file, "r")
+            opened = _unclosed(file) if file.suffix == ".part" else _closed(file)
             if file.suffix == ".part":
                 grown = min(_grown(opened), _row_count(file.with_name(MANIFEST)))
                 rows = grown if rows is None else min(grown, rows)
@@ -204,12 +290,14 @@ class Results:
         """Close the file."""
         self._file.close()
 
-    def thin(self, every: int) -> None:
+    def thin(self, every: int, extremes: bool = False) -> None:
         """Keep every `every`-th row of every series, from the first on.
 
-        The file is thinned, too.
+        The file is thinned, too. With `extremes` it has the minimum, maximum and mean
+        of each series between these rows, and what was computed from all is kept.
         """
-        self._computed.clear()
+        if not extremes:
+            self._computed.clear()
         self._recent.clear()
         self._found.clear()
         if isinstance(self._file, memory.File):
@@ -217,8 +305,8 @@ class Results:
             return
         path = Path(self._file.filename)
         self._file.close()
-        pack(path, every)
-        self._file = h5py.File(path, "r")
+        pack(path, every, extremes)
+        self._file = _closed(path)
         self._index = shared_tables.index(self._file)
 
     def names(self) -> list[str]:
@@ -275,12 +363,38 @@ class Results:
         )
         column = self._find(name)
         try:
-            if not isinstance(column, h5py.Dataset) or column.nbytes > RECENT // 16:
+            if not isinstance(column, h5py.Dataset) or column.nbytes > RECENT // 8:
                 return np.asarray(column[rows.start : last])
             series = self.recent(("values", name), lambda: np.asarray(column[:]))
             return series[rows.start : last]
         except DAMAGED as error:
             raise self._unreadable(name, error) from error
+
+    def series(
+        self, name: str, columns: NDArray[np.bool_] | slice | None = None
+    ) -> Any:
+        """Return a `Series`, or columns of it, for functions that take an array."""
+        self._find(name)
+        return Series(self, name, columns)
+
+    @property
+    def every(self) -> int:
+        """Return of how many rows of the run one is kept."""
+        return int(self.about(EVERY) or 1)
+
+    def extremes(self, name: str) -> tuple[Array, Array] | None:
+        """Return least and largest value from each row of a series to the next.
+
+        They have the shape of its rows. None where the file has all rows, or was
+        thinned without them.
+        """
+        component, _, variable = name.partition(".")
+        link = f"{component}/{shared_tables.link_of(variable)}"
+        groups = (shared_tables.LEAST, shared_tables.MOST)
+        if self._index or any(group not in self._file for group in groups):
+            return None
+        least, most = (np.asarray(self._file[group][link][:]) for group in groups)
+        return least, most
 
     def count(self, name: str) -> int:
         """Return the number of rows of a series."""

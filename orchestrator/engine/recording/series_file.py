@@ -18,7 +18,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -29,16 +29,18 @@ from isal import isal_zlib
 from numpy.typing import NDArray
 
 from . import shared_tables
-from .shared_tables import ELEMENT, INTERVAL
+from .shared_tables import ELEMENT, EXTREMES, INTERVAL, MEAN
 
 T = TypeVar("T")
 TIME = "/time"
+EVERY = "every"  # attribute of the file: one of so many rows of the run is kept
 _LEVEL = 1
 # A chunk is stored as it is if a sample of its values, one in so many, keeps more than
 # this share of its size. Reading it back then takes a tenth of the time.
 _SAMPLED, _WORTH = 8, 0.75
 _NO_FILTERS = 0b11  # HDF5's mask of a chunk without shuffle and deflate
 _OF_SCALES = ("CLASS", "NAME", "DIMENSION_LABELS", "DIMENSION_LIST", "REFERENCE_LIST")
+CACHE = 1 << 20  # bytes of unpacked chunks; HDF5 would keep 8 MiB for each data set
 _FULL = (OSError, RuntimeError)  # errors that h5py raises for a full disk
 
 
@@ -61,30 +63,52 @@ def aside(work: Callable[..., T], *argument: Any) -> T:
         return thread.submit(work, *argument).result()
 
 
-def pack(path: Path, every: int = 1) -> None:
+def pack(path: Path, every: int = 1, extremes: bool = False) -> None:
     """Pack a closed file in place, keeping every `every`-th row from the first on.
 
-    The file is unchanged if the disk has no room for both.
+    With `extremes` it has minimum, maximum and mean of each series from one of these
+    rows to the next, too. The file is unchanged if the disk has no room for both.
     """
-    aside(_pack, path, every)
+    aside(_pack, path, every, extremes)
 
 
-def _pack(path: Path, every: int) -> None:
+def _pack(path: Path, every: int, extremes: bool) -> None:
     """Pack a closed file in this thread."""
-    with h5py.File(path, "r") as file:
-        sets = [file["time"], *shared_tables.data_sets(file)]
+    with h5py.File(path, "r", rdcc_nbytes=CACHE) as file:
+        names = [TIME, *(d.name for d in shared_tables.data_sets(file))]
         index = file[shared_tables.INDEX][()] if shared_tables.INDEX in file else None
-        packing = Packing(
-            path, [DataSetPlan.of(d) for d in sets], index, dict(file.attrs)
-        )
+        plans = [DataSetPlan.of(file[name]) for name in names]
+        if extremes:
+            plans += [plan.within(group) for plan in plans[1:] for group in EXTREMES]
+        about = {**file.attrs, EVERY: str(every)}
+        packing = Packing(path, plans, index, about)
         packing.leave_room(file.id.get_filesize())
-        for i, source in enumerate(sets):
+        for i, name in enumerate(names):
+            source = file[name]  # one at a time is open
             many = source.chunks[0]
             for first in range(0, len(source), many * every):
-                packing.take(i, source[first : first + many * every : every])
+                rows = source[first : first + many * every]
+                packing.take(i, np.ascontiguousarray(rows[::every]))
+                if extremes and i > 0:
+                    at = len(names) + len(EXTREMES) * (i - 1)
+                    for k, values in enumerate(extremes_of(rows, every)):
+                        packing.take(at + k, values)
         packed = packing.finish()
     if packed is not None:
         packed.replace(path)
+
+
+def extremes_of(
+    rows: NDArray[Any], every: int
+) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """Compute minimum, maximum and mean of each `every` rows; the last may be fewer."""
+    firsts = np.arange(0, len(rows), every)
+    counts = np.diff(firsts, append=len(rows)).reshape(-1, *(1,) * (rows.ndim - 1))
+    return (
+        np.minimum.reduceat(rows, firsts),
+        np.maximum.reduceat(rows, firsts),
+        np.add.reduceat(rows, firsts, dtype=np.float64) / counts,
+    )
 
 
 @dataclass(frozen=True)
@@ -107,6 +131,11 @@ class DataSetPlan:
         return cls(
             source.name, source.shape[1:], source.dtype, source.chunks, attributes
         )
+
+    def within(self, group: str) -> DataSetPlan:
+        """Return the plan of the data set in a group of extremes or means."""
+        dtype = np.dtype(np.float64) if group == MEAN else self.dtype
+        return replace(self, name=f"/{group}{self.name}", dtype=dtype)
 
     @property
     def interval(self) -> bool:

@@ -23,6 +23,8 @@ MANY = 512
 INDEX = ".index"
 # Prefix of the scale of a vector's second axis, followed by the number of elements.
 ELEMENT = ".element."
+# groups with the same data sets as the file: what the series did between the rows kept
+LEAST, MOST, MEAN = EXTREMES = (".least", ".most", ".mean")
 INTERVAL = ".interval"  # times of outputs that hold over an interval (`series_file.py`)
 _SIDE = 64  # columns of a chunk, all of which are read for one
 
@@ -143,6 +145,6 @@ def index(file: Any) -> dict[str, SharedColumns]:
 def data_sets(file: Any) -> Iterator[Any]:
     """Yield all data sets of a file that hold rows of a run, except the times."""
     for name, of in file.items():
-        if name in ("time", INDEX, INTERVAL) or name.startswith(ELEMENT):
+        if name in ("time", INDEX, INTERVAL, *EXTREMES) or name.startswith(ELEMENT):
             continue
         yield from (of.values() if hasattr(of, "values") else (of,))

@@ -269,7 +269,8 @@
         range: (u, low, high) => {
           if (low === null) return [0, 1];
           if (of.log) return uPlot.rangeLog(low, high, 10, false);
-          const rim = high > low ? 0.05 * (high - low) : 0.05 * Math.abs(high) || 1;
+          const size = Math.max(Math.abs(low), Math.abs(high));  // a constant differs by its rounding
+          const rim = high - low > 1e-12 * size ? 0.05 * (high - low) : 0.05 * size || 1;
           return [low >= 0 ? Math.min(0, low) : low - rim, high + rim];
         } } },
       axes: [
