@@ -91,7 +91,7 @@ LARGEST_TURN = 0.02  # rad: maximum turn by a wheel's torque in a step
 KICK = 0.0076
 ACCURACY = 1e-5  # rad: largest attitude error that the substeps may leave
 # Number of dumps of a scenario, and its maximum number of steps.
-DUMPS, MOST_STEPS = 9, 2_500_000
+DUMPS, MOST_STEPS = 3, 2_500_000
 # initial attitude error of the worst scenario: 10 deg
 OFF: Vec4 = (0.05, -0.05, 0.0513, 0.9962)
 YAW_ERROR = 1e-3  # rad: lag of the attitude under the acceleration of the steered frame

@@ -111,7 +111,7 @@ CHEAPEST_OF, CHEAPEST_AT = (
     10,
     180,
 )  # dumps, and attitudes at which their cost is evaluated
-WORST_DUMPS = 8  # dumps of the worst scenario after its first
+FLOWN = 3  # dumps that the closed loop flies, unless the user sets a stop time
 # Intervals between dumps after the first that the model follows, until there are two.
 ROUNDS = (3, 6, 12)
 SLOW_ORBIT = (
@@ -419,9 +419,12 @@ def size(
         return sizing
     sized(sizing)
     causes = list(_causes(system, law, hardware))
-    loop, unmet = _fly_loops(
-        target, options, system.step, window, steady, causes, progress
-    )
+    if options.stop is None:
+        three = steady.first + (FLOWN - 0.5) * steady.interval
+        window = min(window, system.step * ceil(max(86400.0, three) / system.step))
+    first = system.step * ceil(max(86400.0, 1.2 * steady.first) / system.step)
+    flights = window, window if options.stop is not None else min(window, first)
+    loop, unmet = _fly_loops(target, options, flights, causes, progress)
     sizing = replace(sizing, loop=loop, problems=(*sizing.problems, *unmet))
     return replace(sizing, notes=(*notes, *_notes(sizing, requirements)))
 
@@ -548,26 +551,21 @@ def _a_year_of(
 def _fly_loops(
     target: str,
     options: Options,
-    step: float,
-    window: float,
-    steady: DumpRates,
+    flights: tuple[float, float],
     causes: Sequence[str],
     progress: Callable[[str], None],
 ) -> tuple[dict[str, float | None], list[str]]:
-    """Fly the closed loop over `window` (s), and the worst scenario beside the craft.
+    """Fly the closed loop, and the worst scenario beside the craft, for these times (s).
 
     Returns the numbers of the first, and a line for each requirement that is not met.
     """
     progress("the closed loop")
-    run = _fly_closed_loop(target, options, window)
+    run = _fly_closed_loop(target, options, flights[0])
     unmet = [f"in the closed loop: {line}" for line in run.manifest.not_met]
     worst_scenario = find_worst_scenario(read(target))
     if worst_scenario is not None:
         progress(f"{worst_scenario.target}: what is usually worse")
-        some = min(window, max(86400.0, steady.first + WORST_DUMPS * steady.interval))
-        worst = _fly_closed_loop(
-            worst_scenario.target, options, step * ceil(some / step)
-        )
+        worst = _fly_closed_loop(worst_scenario.target, options, flights[1])
         unmet += [
             f"in {worst_scenario.target}: {line}" for line in worst.manifest.not_met
         ]
@@ -987,12 +985,11 @@ def _taken(
     for _ in range(MOST_SAMPLES):
         a, b, c, d = (spread @ (remaining + target)).tolist()
         block.h_wheel = (a, b, c, d)
-        block.advance(t, block.sample_time)
+        x, y, z = remaining.tolist()
+        torque, _ = block.dump(t, t, (x, y, z))
         if block.mode != DUMPING:
             break
-        remaining = remaining + block.sample_time * np.array(
-            block.tau_cmd_thruster_body
-        )
+        remaining = remaining + block.sample_time * np.array(torque)
         t += block.sample_time
     return momentum_body - remaining
 
@@ -1061,7 +1058,7 @@ def _notes(sizing: DumpSizing, requirements: SizingRequirements) -> Iterator[str
         )
         yield f"the closed loop was not flown: {cause}; every number is the model's"
     dumps = sizing.loop.get("dumps")
-    if sizing.loop and (dumps is None or dumps < 7):
+    if sizing.loop and (dumps is None or dumps < FLOWN):
         yield (
             f"the closed loop has {dumps or 0:g} dumps: too few for reliable rates; use a longer --stop"
         )

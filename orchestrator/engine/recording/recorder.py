@@ -34,6 +34,7 @@ T = TypeVar("T")
 ROWS = 8192  # rows of each half of the buffer and of a chunk of the file
 FLUSH_SECONDS = 1.0
 _CACHE = 1 << 18  # bytes: HDF5 would keep 8 MiB of written chunks for each data set
+_MOST_ROWS = 1 << 24  # rows for which there is room in memory from the start
 _MEMORY = 64 << 20  # bytes: upper bound of the rows that are not written yet
 
 
@@ -81,6 +82,8 @@ class Recorder:
         live = {k: master.live[k] for k in KINDS if len(master.live[k])}
         fit = _MEMORY // (2 * (8 + sum(a.nbytes for a in live.values())))
         self._chunk = max(1, min(ROWS, fit, master.system.steps + 1))
+        # in memory there is room for all rows at once: pages are taken as they fill
+        self._capacity = min(master.system.steps + 1, _MOST_ROWS)
         groups: dict[tuple[str, str], list[Slot]] = defaultdict(list)
         for slot in master.slots:
             if slot.kind in KINDS and selects(patterns, slot.component, slot.signal):
@@ -205,7 +208,7 @@ class Recorder:
         """Create a data set in the file."""
         if isinstance(self._file, memory.File):
             data_set = self._file.create_dataset(
-                plan.name, plan.tail, plan.dtype, self._chunk
+                plan.name, plan.tail, plan.dtype, self._capacity
             )
             data_set.attrs.update(plan.attributes)
             return data_set

@@ -287,8 +287,10 @@ class Results:
         self.close()
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the file, and release what was read of it."""
         self._file.close()
+        for kept in (self._computed, self._recent, self._found):
+            kept.clear()
 
     def thin(self, every: int, extremes: bool = False) -> None:
         """Keep every `every`-th row of every series, from the first on.
