@@ -8,22 +8,27 @@ import importlib
 import importlib.util
 import io
 import os
+import shlex
 import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
+import fmpy
 import psutil
 import pytest
 from hypothesis import settings
+from jinja2 import Environment
 
 from desat import cli
 from desat.files import paths
 from desat.files.scenario import scenarios
 from desat.fmus import registry
+from desat.fmus.compiler import compiler
 
 settings.register_profile("desat", deadline=None, max_examples=60, derandomize=True)
 settings.load_profile("desat")
@@ -69,6 +74,42 @@ def _fmus_are_built() -> None:
     assert not missing, f"run `make fmus` first: {missing}"
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _templates_are_compiled_once() -> Iterator[None]:
+    """Keep what Jinja makes of a template: a process of tests writes hundreds of craft
+    and reports, a command one."""
+    anew, kept = Environment.compile, dict[tuple[object, ...], Any]()
+
+    def compile_once(self: Environment, source: Any, *args: Any, **options: Any) -> Any:
+        switches = [
+            (name, value)
+            for name, value in vars(self).items()
+            if isinstance(value, str | bool)
+        ]
+        key = (
+            source,
+            *args,
+            *sorted(options.items()),
+            *switches,
+            self.undefined,
+            *self.extensions,
+            *self.filters,
+            *self.tests,
+        )
+        if key not in kept:
+            kept[key] = anew(self, source, *args, **options)
+        return kept[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Environment, "compile", compile_once)
+        yield
+
+
+described = cache(fmpy.read_model_description)
+"""The model description of an FMU: fmpy takes 0.1 s to read one, and many tests want
+the same."""
+
+
 def started(name: str, **values: object):
     """A bare block with these values, checked and started."""
     block = registry.block_class(name)()
@@ -78,6 +119,20 @@ def started(name: str, **values: object):
     block.check()
     block.start()
     return block
+
+
+@pytest.fixture(scope="module")
+def quick_builds(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A cache of a module's own, into which block files are compiled without
+    optimising: for tests of what is built, not of how fast it is."""
+    folder = tmp_path_factory.mktemp("builds")
+    script = folder / "cc"  # this process keeps its compiler, a build asks for one
+    script.write_text(f'#!/bin/sh\nexec {shlex.join(compiler())} "$@" -O0\n')
+    script.chmod(0o755)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("CC", str(script))
+        patch.setenv("DESAT_CACHE", str(folder / "cache"))
+        yield folder / "cache"
 
 
 # --- a browser ------------------------------------------------------------------------
