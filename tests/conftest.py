@@ -4,6 +4,7 @@ first."""
 from __future__ import annotations
 
 import contextlib
+import gc
 import importlib
 import importlib.util
 import io
@@ -78,7 +79,7 @@ def _fmus_are_built() -> None:
 def _templates_are_compiled_once() -> Iterator[None]:
     """Keep what Jinja makes of a template: a process of tests writes hundreds of craft
     and reports, a command one."""
-    anew, kept = Environment.compile, dict[tuple[object, ...], Any]()
+    anew, templates = Environment.compile, dict[tuple[object, ...], Any]()
 
     def compile_once(self: Environment, source: Any, *args: Any, **options: Any) -> Any:
         switches = [
@@ -96,9 +97,9 @@ def _templates_are_compiled_once() -> Iterator[None]:
             *self.filters,
             *self.tests,
         )
-        if key not in kept:
-            kept[key] = anew(self, source, *args, **options)
-        return kept[key]
+        if key not in templates:
+            templates[key] = anew(self, source, *args, **options)
+        return templates[key]
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Environment, "compile", compile_once)
@@ -183,6 +184,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if "browser" in getattr(item, "fixturenames", ()):
             item.add_marker("in_browser")
+
+
+gc.disable()  # while thousands of tests are collected: nothing of that goes
+
+
+def pytest_collection_finish() -> None:
+    """Collect garbage again, and look at none of the tests for it."""
+    gc.collect()
+    gc.freeze()
+    gc.enable()
 
 
 SLOW_LEFT_OUT = pytest.StashKey[int]()

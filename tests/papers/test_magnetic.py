@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_are
@@ -273,6 +273,7 @@ def test_lqr_has_the_least_cost(tables):
         assert fly(other)[1] > best * 1.0005
 
 
+@settings(max_examples=20)
 @given(vector, vector, st.tuples(*[st.floats(0.5, 2.0)] * 3), st.floats(600.0, 6000.0))
 def test_mec_reaches_its_end(end, n_con, r, horizon):
     p = offline.costate(field, NADIR, r, 1e-4 * n_con, START, end, horizon)
