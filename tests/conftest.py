@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import fmpy
+import numpy as np
 import psutil
 import pytest
 from hypothesis import settings
@@ -134,6 +135,13 @@ def quick_builds(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         patch.setenv("CC", str(script))
         patch.setenv("DESAT_CACHE", str(folder / "cache"))
         yield folder / "cache"
+
+
+def cross3(a: Any, b: Any) -> np.ndarray:
+    """The cross product of two vectors, by the operations of np.cross: that takes ten
+    times as long, most of an integration in a test."""
+    (a1, a2, a3), (b1, b2, b3) = a, b
+    return np.array((a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1))
 
 
 # --- a browser ------------------------------------------------------------------------

@@ -206,7 +206,7 @@ def test_igrf(date, tolerance):
     st.floats(6.45e6, 2e7),
     st.floats(2000.0, 2029.0),
 )
-@settings(max_examples=60)
+@settings(max_examples=300)
 def test_the_earths_field_is_plausible_everywhere(sine, longitude, radius, year):
     cosine = math.sqrt(1.0 - sine * sine)
     x, y = cosine * math.cos(longitude), cosine * math.sin(longitude)
