@@ -3,6 +3,8 @@ PYTHON ?= python3
 BIN := .venv/bin
 # Matrices are small: further threads of numpy only wait busily, on two cores six times as long.
 export OPENBLAS_NUM_THREADS ?= 1
+# Bytecode is kept, whatever the environment says: the tests start hundreds of processes, which would compile all of it.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo fmus ssp test test-slow check fuzz mutations builds bench house witness sizing papers site release clean
 
@@ -20,6 +22,7 @@ ssp: fmus ## write the SSD of every craft; .ssp files are packed on demand: desa
 	@$(BIN)/desat pack --ssd | grep -v ": current" || true
 
 test: .venv/.installed ## lint, types and all tests but the studies of test-slow
+	@$(BIN)/python -m compileall -q orchestrator components fmus
 	@$(MAKE) --no-print-directory -j2 check fmus
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow"
 

@@ -4,26 +4,33 @@ first."""
 from __future__ import annotations
 
 import contextlib
+import gc
 import importlib
 import importlib.util
 import io
 import os
+import shlex
 import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
+import fmpy
+import numpy as np
 import psutil
 import pytest
 from hypothesis import settings
+from jinja2 import Environment
 
 from desat import cli
 from desat.files import paths
 from desat.files.scenario import scenarios
 from desat.fmus import registry
+from desat.fmus.compiler import compiler
 
 settings.register_profile("desat", deadline=None, max_examples=60, derandomize=True)
 settings.load_profile("desat")
@@ -69,6 +76,42 @@ def _fmus_are_built() -> None:
     assert not missing, f"run `make fmus` first: {missing}"
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _templates_are_compiled_once() -> Iterator[None]:
+    """Keep what Jinja makes of a template: a process of tests writes hundreds of craft
+    and reports, a command one."""
+    anew, templates = Environment.compile, dict[tuple[object, ...], Any]()
+
+    def compile_once(self: Environment, source: Any, *args: Any, **options: Any) -> Any:
+        switches = [
+            (name, value)
+            for name, value in vars(self).items()
+            if isinstance(value, str | bool)
+        ]
+        key = (
+            source,
+            *args,
+            *sorted(options.items()),
+            *switches,
+            self.undefined,
+            *self.extensions,
+            *self.filters,
+            *self.tests,
+        )
+        if key not in templates:
+            templates[key] = anew(self, source, *args, **options)
+        return templates[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Environment, "compile", compile_once)
+        yield
+
+
+described = cache(fmpy.read_model_description)
+"""The model description of an FMU: fmpy takes 0.1 s to read one, and many tests want
+the same."""
+
+
 def started(name: str, **values: object):
     """A bare block with these values, checked and started."""
     block = registry.block_class(name)()
@@ -78,6 +121,27 @@ def started(name: str, **values: object):
     block.check()
     block.start()
     return block
+
+
+@pytest.fixture(scope="module")
+def quick_builds(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A cache of a module's own, into which block files are compiled without
+    optimising: for tests of what is built, not of how fast it is."""
+    folder = tmp_path_factory.mktemp("builds")
+    script = folder / "cc"  # this process keeps its compiler, a build asks for one
+    script.write_text(f'#!/bin/sh\nexec {shlex.join(compiler())} "$@" -O0\n')
+    script.chmod(0o755)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("CC", str(script))
+        patch.setenv("DESAT_CACHE", str(folder / "cache"))
+        yield folder / "cache"
+
+
+def cross3(a: Any, b: Any) -> np.ndarray:
+    """The cross product of two vectors, by the operations of np.cross: that takes ten
+    times as long, most of an integration in a test."""
+    (a1, a2, a3), (b1, b2, b3) = a, b
+    return np.array((a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1))
 
 
 # --- a browser ------------------------------------------------------------------------
@@ -128,6 +192,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if "browser" in getattr(item, "fixturenames", ()):
             item.add_marker("in_browser")
+
+
+gc.disable()  # while thousands of tests are collected: nothing of that goes
+
+
+def pytest_collection_finish() -> None:
+    """Collect garbage again, and look at none of the tests for it."""
+    gc.collect()
+    gc.freeze()
+    gc.enable()
 
 
 SLOW_LEFT_OUT = pytest.StashKey[int]()

@@ -104,9 +104,8 @@ def test_what_a_guidance_wants_is_its_law_at_every_step(name, values):
     ("sample_time", "stop", "has_verdict"), [(10.0, 300.0, True), (100.0, 300.0, False)]
 )
 def test_a_foreign_reference_counts_at_its_samples(
-    craft, tmp_path, monkeypatch, sample_time, stop, has_verdict
+    craft, tmp_path, quick_builds, sample_time, stop, has_verdict
 ):
-    monkeypatch.setenv("DESAT_CACHE", str(tmp_path))
     file = tmp_path / "mine.py"
     file.write_text(FOREIGN)
     options = Options(

@@ -27,6 +27,7 @@ from desat.components.maths.vector import cross, norm
 from desat.components.physics import averaging, earth, orbit
 from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError
+from tests.conftest import cross3
 
 DAY = 86400.0
 ECCENTRIC = {
@@ -496,7 +497,7 @@ def test_drag_against_cowell():
     free = propagation(semi_major_axis=6.778e6)
 
     def drag(t, y):
-        w = y[3:] - np.cross([0.0, 0.0, orbit.EARTH_RATE], y[:3])
+        w = y[3:] - cross3([0.0, 0.0, orbit.EARTH_RATE], y[:3])
         height = np.linalg.norm(y[:3]) - orbit.EARTH_RADIUS
         density = 6.967e-13 * math.exp((500e3 - height) / 63822.0)
         return -0.5 * density * 2.2 * 0.5 / 100.0 * np.linalg.norm(w) * w

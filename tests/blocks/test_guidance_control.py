@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from desat.components.laws import attitude_control
 from desat.components.maths import attitude
 from desat.components.physics import orbit
+from tests.conftest import cross3
 from tests.contract.test_block import begin, fresh
 
 TURN = attitude.normalise((0.3, -0.5, 0.2, 0.8))
@@ -261,7 +262,7 @@ def test_senseless_references_are_refused(name, values, text):
 def hamilton(p, q):
     """Hamilton product, scalar first."""
     a, u, b, v = p[0], p[1:], q[0], q[1:]
-    return np.concatenate([[a * b - u @ v], a * v + b * u + np.cross(u, v)])
+    return np.concatenate([[a * b - u @ v], a * v + b * u + cross3(u, v)])
 
 
 def test_pid_is_the_gyrostats_controller():
@@ -529,7 +530,7 @@ def closed_loop(
         def slope(t, y, torque=torque):
             w = y[4:]
             dq = attitude.product((*(0.5 * w), 0.0), tuple(y[:4]))
-            return np.concatenate([dq, np.linalg.solve(J, torque - np.cross(w, J @ w))])
+            return np.concatenate([dq, np.linalg.solve(J, torque - cross3(w, J @ w))])
 
         y = solve_ivp(slope, (0, step), [*q, *omega], rtol=1e-8, atol=1e-11).y[:, -1]
         q = attitude.normalise(tuple(map(float, y[:4])))

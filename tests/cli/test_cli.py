@@ -857,6 +857,9 @@ def test_quiet_prints_errors_and_what_json_asks_for(desat, tmp_path, place):
     assert silent.stdout == ""
     as_json = desat(*words, "--stop", "20", "--out", str(tmp_path / "b"), "--json")
     assert json.loads(as_json.stdout)["scenario"] == NAME
+
+
+def test_quiet_hides_no_error_and_what_it_hides_is_there_otherwise(desat, tmp_path):
     assert "no scenario nix" in desat("run", "nix", "--quiet").stderr
     loud = desat("run", NAME, "--stop", "20", "--out", str(tmp_path / "c"), check=True)
     assert "steps" in loud.stdout

@@ -257,6 +257,17 @@ def test_a_value_that_is_no_value_is_refused(desat, tmp_path, arguments, text):
     assert list(tmp_path.iterdir()) == []
 
 
+def craft_of(elements, file, desat):
+    """What `desat new craft` says to elements written into a file."""
+    file.write_text("\n".join(elements))
+    folder = file.parent
+    return desat("new", "craft", "made", "--force", "--tle", str(file), cwd=folder)
+
+
+def test_elements_as_they_are_give_a_craft(desat, tmp_path):
+    assert craft_of(ELEMENTS, tmp_path / "iss.tle", desat).returncode == 0
+
+
 @pytest.mark.parametrize(
     ("number", "old", "new", "field"),
     [
@@ -277,12 +288,8 @@ def test_an_element_that_lost_its_point_is_refused(
     digits = sum(int(c) if c.isdigit() else c == "-" for c in body)
     lines[number - 1] = f"{body}{digits % 10}"
     file = tmp_path / "iss.tle"
-    for content, code in ((ELEMENTS, 0), (lines, Exit.INPUT)):
-        file.write_text("\n".join(content))
-        command = desat(
-            "new", "craft", "made", "--force", "--tle", str(file), cwd=tmp_path
-        )
-        assert command.returncode == code
+    command = craft_of(lines, file, desat)
+    assert command.returncode == Exit.INPUT
     assert refused_line(command).startswith(
         f"--tle {file}: line {number}, {field} (columns "
     )

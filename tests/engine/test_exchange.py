@@ -139,7 +139,7 @@ def test_momentum_is_conserved_at_every_step(name, step):
 @pytest.fixture(scope="module")
 def study():
     return convergence.study(
-        "gyrostat/full", Options(stop=60.0), steps=(1.0, 0.5, 0.25)
+        "gyrostat/full", Options(stop=30.0), steps=(1.0, 0.5, 0.25)
     )
 
 

@@ -309,8 +309,7 @@ def test_the_loop_as_an_fmu_of_fmi_3_gives_the_bits_of_a_run(desat, tmp_path):
     )
 
 
-def test_a_block_file_of_ones_own_becomes_one(desat, tmp_path, monkeypatch):
-    monkeypatch.setenv("DESAT_CACHE", str(tmp_path / "cache"))
+def test_a_block_file_of_ones_own_becomes_one(desat, tmp_path, quick_builds):
     file = tmp_path / "doubled.py"
     file.write_text(
         '''"""A block."""

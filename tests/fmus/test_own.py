@@ -55,21 +55,17 @@ OURS = "manager_cross_product"
 
 
 @pytest.fixture(scope="module")
-def cache(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        folder = tmp_path_factory.mktemp("cache")
-        patch.setenv("DESAT_CACHE", str(folder))
-        yield folder
-
-
-@pytest.fixture(scope="module")
-def law(tmp_path_factory, cache) -> Path:
+def law(tmp_path_factory, quick_builds) -> Path:
     file = tmp_path_factory.mktemp("theirs") / "my_law.py"
     file.write_text(LAW)
     return file
 
 
-def test_a_law_of_ones_own_runs_as_ours_does_bit_by_bit(law):
+def test_a_law_of_ones_own_runs_as_ours_does_bit_by_bit(law, tmp_path, monkeypatch):
+    """Compiled as for a user."""
+    monkeypatch.delenv("CC")
+    monkeypatch.setenv("DESAT_CACHE", str(tmp_path))
+
     def series(source: str, **options):
         ran = execute(
             TARGET, Options(sources=[f"manager={source}"], stop=300.0, **options), None
@@ -122,7 +118,9 @@ def test_the_command_builds_both_fmus_which_any_tool_can_run(law, desat, tmp_pat
     assert np.isfinite(result["m_cmd_body[1]"]).all()
 
 
-def test_what_does_not_translate_runs_as_python_and_says_why(cache, tmp_path, desat):
+def test_what_does_not_translate_runs_as_python_and_says_why(
+    quick_builds, tmp_path, desat
+):
     file = tmp_path / "by_dict.py"
     file.write_text(
         LAW.replace(
@@ -233,7 +231,7 @@ def test_a_file_that_is_not_there_is_said(desat, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_new_law_flies_and_its_own_test_holds(desat, cache, tmp_path):
+def test_a_new_law_flies_and_its_own_test_holds(desat, quick_builds, tmp_path):
     """It is native, has the bits of our cross product at the same gain, and its test
     can fail."""
     result = desat("new", "law", "my_own", cwd=tmp_path, check=True)
@@ -319,7 +317,7 @@ def test_a_new_block_is_what_it_begins_with(desat, tmp_path, monkeypatch, role):
 
 
 def test_a_new_sensor_flies_native_and_says_what_cannot_be(
-    desat, cache, tmp_path, monkeypatch
+    desat, quick_builds, tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
     outcome = desat(
@@ -435,7 +433,7 @@ DECLARED = """
 
 @pytest.mark.parametrize("declares", [False, True])
 def test_a_spacecraft_of_ones_own_is_checked_by_what_it_declares(
-    tmp_path, cache, declares
+    tmp_path, quick_builds, declares
 ):
     file = tmp_path / "my_body.py"
     imports, declared = (IMPORTS, DECLARED) if declares else ("", "")
@@ -499,7 +497,7 @@ def page_files() -> dict[str, str]:
         ),
     ],
 )
-def test_a_block_of_the_page_flies_native(cache, tmp_path, name, target, sets):
+def test_a_block_of_the_page_flies_native(quick_builds, tmp_path, name, target, sets):
     file = tmp_path / name
     file.write_text(page_files()[name])
     assert own.build(file).reason == ""
@@ -509,7 +507,7 @@ def test_a_block_of_the_page_flies_native(cache, tmp_path, name, target, sets):
     assert run.results.values("manager.m_cmd_body").any()
 
 
-def test_the_dead_band_of_the_page_is_one(cache, tmp_path):
+def test_the_dead_band_of_the_page_is_one(quick_builds, tmp_path):
     """It samples every 2 s: its command changes nowhere else, and is 0 below the band."""
     file = tmp_path / "bdot_band.py"
     file.write_text(page_files()[file.name])
@@ -532,7 +530,7 @@ def test_the_dead_band_of_the_page_is_one(cache, tmp_path):
 
 
 @pytest.mark.parametrize("base", ["Manager", "Controller"])
-def test_a_sample_time_without_effect_is_refused(cache, tmp_path, base):
+def test_a_sample_time_without_effect_is_refused(quick_builds, tmp_path, base):
     """At 0, which is true, the block flies."""
     file = tmp_path / "mine.py"
     command, more = {
@@ -562,7 +560,7 @@ def test_help_says_what_a_block_of_a_role_writes(desat):
         assert text in " ".join(printed.split())
 
 
-def test_a_bug_of_a_block_is_told_with_its_line(cache, tmp_path):
+def test_a_bug_of_a_block_is_told_with_its_line(quick_builds, tmp_path):
     file = tmp_path / "mine.py"
     text = MAGNETOMETER.replace("BEGIN", "pass").replace(
         "b_bdy = b", "b_body = b[0][1]"

@@ -12,6 +12,7 @@ from scipy.linalg import solve_continuous_are
 
 from desat.components.laws import blending, dumping
 from desat.components.maths import vector
+from tests.conftest import cross3
 
 number = st.floats(-1, 1, allow_nan=False)
 torque = st.tuples(number, number, number).map(lambda v: vector.scale(0.05, v))
@@ -148,7 +149,7 @@ def test_mec_ends_at_zero(h0, omega, n_con, horizon):
     p = dumping.mec_costate(h0, omega, n_con, horizon)
 
     def slope(t, h):
-        return -np.cross(omega, h) + dumping.mec(p, omega, t) + n_con
+        return -cross3(omega, h) + dumping.mec(p, omega, t) + n_con
 
     end = solve_ivp(slope, (0, horizon), h0, rtol=1e-12, atol=1e-15, method="DOP853").y[
         :, -1

@@ -24,7 +24,7 @@ from desat.components.contract.block import BlockError, Vec3, Vec4
 from desat.components.laws import craft_filter, rate_observer, rollout
 from desat.components.laws.acquisition import all_coils
 from desat.components.maths import kalman
-from desat.components.maths.vector import ZERO, cross, mat_vec
+from desat.components.maths.vector import ZERO, add, cross, mat_vec, scale
 from desat.components.physics.gyrostat import carrier_inertia, inverse_inertia
 
 INERTIA = (0.3078, 0.0, 0.0, 0.0, 0.2865, 0.0, 0.0, 0.0, 0.2747)
@@ -196,24 +196,20 @@ def test_the_filter_knows_the_rate_along_the_field_and_how_well() -> None:
     doubts = craft_filter.Doubts(0.2, noise, 0.0, 0.0, 0.0)
     setting = craft_filter.Setting(doubts, CARRIER, 3e-5, 3e-8)
     for _ in range(12):
-        omega = np.asarray(random.choice([-0.1, 0.1], 3))
+        omega = tuple(random.choice([-0.1, 0.1], 3).tolist())
         b = random.normal(size=3)
-        b *= 3e-5 / np.linalg.norm(b)
+        b = tuple((b * 3e-5 / np.linalg.norm(b)).tolist())
         x, p = craft_filter.begin(
             tuple(b + noise * random.normal(size=3)), ZERO, setting
         )
         for k in range(200):
             for _ in range(20):
-                slope = mat_vec(
-                    inverse, tuple(-np.cross(omega, mat_vec(CARRIER, tuple(omega))))
-                )
-                middle = omega + 0.025 * np.asarray(slope)
-                slope = mat_vec(
-                    inverse, tuple(-np.cross(middle, mat_vec(CARRIER, tuple(middle))))
-                )
-                omega = omega + 0.05 * np.asarray(slope)
-                half = b + 0.025 * np.asarray(cross(tuple(b), tuple(middle)))
-                b = b + 0.05 * np.asarray(cross(tuple(half), tuple(middle)))
+                slope = mat_vec(inverse, cross(mat_vec(CARRIER, omega), omega))
+                middle = add(omega, scale(0.025, slope))
+                slope = mat_vec(inverse, cross(mat_vec(CARRIER, middle), middle))
+                omega = add(omega, scale(0.05, slope))
+                half = add(b, scale(0.025, cross(b, middle)))
+                b = add(b, scale(0.05, cross(half, middle)))
             seen = tuple(b + noise * random.normal(size=3))
             passed = craft_filter.Interval(1.0, ZERO, ZERO, ZERO, seen, ZERO, 0.0)
             x, p, _ = craft_filter.update(x, p, passed, setting, True)

@@ -28,6 +28,7 @@ from desat.numbers import derived, measures
 from desat.papers import stored
 from desat.runs.run import Options, execute, prepare
 from desat.system.refusal import explain
+from tests.conftest import cross3
 from tests.contract.test_block import begin, fresh
 
 N = 0.0010252474302388003
@@ -178,7 +179,7 @@ def test_the_rigid_body_is_eq_1():
     def eq_1(t, y):
         q, w = y[:4], y[4:]
         u = np.array(rotate(tuple(q), (math.cos(N * t), math.sin(N * t), 0.0)))
-        torque = 3.0 * N * N * np.cross(u, inertia @ u) - np.cross(w, inertia @ w)
+        torque = 3.0 * N * N * cross3(u, inertia @ u) - cross3(w, inertia @ w)
         x, yy, z = w
         omega = np.array(
             [[0, z, -yy, x], [-z, 0, x, yy], [yy, -x, 0, z], [-x, -yy, -z, 0]]
@@ -434,7 +435,7 @@ def fly(block, truth, until=40, noise=0.0, seed=1):
                 on = firing.overlap(start, lasts, 10.0 * k, 10.0)
                 omega = omega + np.linalg.solve(inertia, on * np.array(truth[j]))
         for _ in range(20):
-            gyroscopic = np.cross(omega, inertia @ omega + h)
+            gyroscopic = cross3(omega, inertia @ omega + h)
             omega = omega - np.linalg.solve(inertia, 0.5 * (torque + gyroscopic))
             h = h + 0.5 * torque
         rates.append(norm(tuple(omega - (0.0, -N, 0.0))))

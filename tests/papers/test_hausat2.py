@@ -28,7 +28,7 @@ from desat.papers.comparison import rows_of
 from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError
 from desat.system.refusal import explain
-from tests.conftest import python
+from tests.conftest import cross3, python
 from tests.contract.test_block import begin, fresh
 from tests.export.test_independent_masters import ECOS, LIBCOSIM, real_outputs
 from tests.export.test_independent_masters import rows_of as rows_printed
@@ -206,7 +206,7 @@ def turning(omega, wheel, seconds, part=0.1):
     def slope(y):
         w, b = y[:3], y[3:]
         return np.concatenate(
-            [-inverse @ np.cross(w, inertia @ w + wheel), -np.cross(w, b)]
+            [-inverse @ cross3(w, inertia @ w + wheel), -cross3(w, b)]
         )
 
     y = np.array([*omega, *B])

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_are
@@ -24,7 +24,7 @@ from desat.fmus.registry import block_class
 from desat.papers.designs import making as design_module
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
-from tests.conftest import but
+from tests.conftest import but, cross3
 
 RATE, HORIZON = 1.0715e-3, 3000.0
 NADIR = np.array([0.0, -RATE, 0.0])
@@ -230,7 +230,7 @@ def fly(law, h=START, n_con=PUSHED, horizon=HORIZON):
     def slope(t, y):
         m = np.array(law(t, y[:3]))
         cost = 0.5 * (y[:3] @ (np.array(WEIGHT) * y[:3]) + m @ (np.array(R) * m))
-        dh = -np.cross(NADIR, y[:3]) + np.cross(m, field(t)) + n_con
+        dh = -cross3(NADIR, y[:3]) + cross3(m, field(t)) + n_con
         return [*dh, cost / 1e6, 0.5 * m @ m / 1e6]
 
     y = solve_ivp(
@@ -273,6 +273,7 @@ def test_lqr_has_the_least_cost(tables):
         assert fly(other)[1] > best * 1.0005
 
 
+@settings(max_examples=20)
 @given(vector, vector, st.tuples(*[st.floats(0.5, 2.0)] * 3), st.floats(600.0, 6000.0))
 def test_mec_reaches_its_end(end, n_con, r, horizon):
     p = offline.costate(field, NADIR, r, 1e-4 * n_con, START, end, horizon)
@@ -281,7 +282,7 @@ def test_mec_reaches_its_end(end, n_con, r, horizon):
         m = magnetic.dipole(
             magnetic.mec_costate(tuple(p), tuple(NADIR), t), field(t), r
         )
-        return -np.cross(NADIR, h) + np.cross(m, field(t)) + 1e-4 * n_con
+        return -cross3(NADIR, h) + cross3(m, field(t)) + 1e-4 * n_con
 
     h = solve_ivp(
         slope, (0, horizon), START, method="DOP853", rtol=3e-14, atol=1e-15

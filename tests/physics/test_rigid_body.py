@@ -46,7 +46,7 @@ from desat.components.physics.rigid_body import (
     slopes,
 )
 from desat.components.physics.wheel_array import body_momentum
-from tests.conftest import ROOT
+from tests.conftest import ROOT, cross3
 from tests.contract.test_block import begin, fresh
 
 # --- the methods ----------------------------------------------------------------------
@@ -283,12 +283,12 @@ def monolith(stop: float) -> np.ndarray:
         def slope(t, y, torque=torque, begin=begin, h=h):
             vector, w, omega = y[:3], y[3], y[4:]
             u = kepler(t)[0]
-            two = 2.0 * np.cross(vector, u)
-            u = u - w * two + np.cross(vector, two)
-            gravity = 3.0 * MU / (u @ u) ** 2.5 * np.cross(u, inertia @ u)
+            two = 2.0 * cross3(vector, u)
+            u = u - w * two + cross3(vector, two)
+            gravity = 3.0 * MU / (u @ u) ** 2.5 * cross3(u, inertia @ u)
             total = carrier @ omega + axes @ (h + torque * (t - begin))
-            rate = inverse @ (gravity - axes @ torque - np.cross(omega, total))
-            vector_rate = 0.5 * (w * omega - np.cross(omega, vector))
+            rate = inverse @ (gravity - axes @ torque - cross3(omega, total))
+            vector_rate = 0.5 * (w * omega - cross3(omega, vector))
             return np.array([*vector_rate, -0.5 * omega @ vector, *rate])
 
         solver = DOP853(slope, begin, y, begin + HELD, rtol=1e-13, atol=1e-15)

@@ -285,7 +285,9 @@ def test_step_ratios_says_what_it_costs(tmp_path, names):
         f"errs by about {slow['attitude']:.1e} rad" in w
         for w in run.manifest["warnings"]
     )
-    # what takes samples steps as rarely for nothing
+
+
+def test_what_takes_samples_steps_as_rarely_for_nothing(tmp_path):
     case = prepare(
         write_own(tmp_path, "[step_ratio]\nguidance = 2\n", "computers"),
         Options(substeps=1),
