@@ -107,7 +107,7 @@ def _templates_are_compiled_once() -> Iterator[None]:
         yield
 
 
-described = cache(fmpy.read_model_description)
+description_of = cache(fmpy.read_model_description)
 """The model description of an FMU: fmpy takes 0.1 s to read one, and many tests want
 the same."""
 

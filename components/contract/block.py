@@ -376,34 +376,34 @@ class Access:
                 values[name] = (*old[:index], new[first], *old[index + 1 :])
 
 
-def _described(value: Any) -> Any:
+def _to_json(value: Any) -> Any:
     """Return a value of a block's state in types of JSON.
 
     JSON has no tuples: a named one becomes its module, class and values.
     """
     if isinstance(value, dict):
-        return {name: _described(x) for name, x in value.items()}
+        return {name: _to_json(x) for name, x in value.items()}
     if not isinstance(value, (tuple, list)):
         return value
-    values = [_described(x) for x in value]
+    values = [_to_json(x) for x in value]
     if not hasattr(value, "_fields"):
         return values
     return {_NAMED: [type(value).__module__, type(value).__qualname__, values]}
 
 
-def _rebuilt(value: Any) -> Any:
-    """Return the value that `_described` has described, with lists as tuples."""
+def _from_json(value: Any) -> Any:
+    """Return the value that `_to_json` has described, with lists as tuples."""
     if isinstance(value, list):
-        return tuple(_rebuilt(x) for x in value)
+        return tuple(_from_json(x) for x in value)
     if not isinstance(value, dict):
         return value
     if _NAMED not in value:
-        return {name: _rebuilt(x) for name, x in value.items()}
+        return {name: _from_json(x) for name, x in value.items()}
     module, name, values = value[_NAMED]
-    named = operator.attrgetter(name)(sys.modules[module])
-    if not hasattr(named, "_fields"):  # bytes from outside make nothing else
+    class_ = operator.attrgetter(name)(sys.modules[module])
+    if not hasattr(class_, "_fields"):  # bytes from outside make nothing else
         raise TypeError(f"{module}.{name} is no named tuple")
-    return named(*map(_rebuilt, values))
+    return class_(*map(_from_json, values))
 
 
 class Block:
@@ -492,12 +492,12 @@ class Block:
     @staticmethod
     def encode(state: Mapping[str, Any]) -> bytes:
         """Return a state, whose values may be named tuples, as bytes of JSON."""
-        return json.dumps({name: _described(x) for name, x in state.items()}).encode()
+        return json.dumps({name: _to_json(x) for name, x in state.items()}).encode()
 
     @staticmethod
     def decode(data: bytes) -> dict[str, Any]:
         """Return the state that `encode` has written, with the types of its tuples."""
-        return {name: _rebuilt(x) for name, x in json.loads(data).items()}
+        return {name: _from_json(x) for name, x in json.loads(data).items()}
 
     def check(self) -> None:
         """Check that every parameter is finite and within its declared bounds.

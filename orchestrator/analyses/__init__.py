@@ -20,7 +20,7 @@ The following are optional:
     def remarks(manifest, results) -> list of lines # warnings
 
 Warnings about a checked system (`warnings(system) -> lines`), and problems that prevent
-running it (`problems(system) -> lines`), are functions beside these; `runs/prepare.py`
+running it (`problems(system) -> lines`), are functions beside these; `runs/checks.py`
 lists them.
 """
 

@@ -338,18 +338,18 @@ def of_run(parts: StepParts | None, results: Results) -> Reached | None:
     if len(times) < 3:
         return None
     body = WheeledBody(np.array(parts.carrier), np.array(parts.axes_wheel), np.zeros(4))
-    found = [
+    parts_reached = [
         reached_by(body, times[rows], *(results.values(n, rows) for n in parts.series))
         for rows in blocks(len(times), 2)
     ]
     # each motion has a row less than the one before; blocks have two rows in common
-    turning = [f.turning[: len(f.turning) - 2] for f in found[:-1]]
-    pushed = [f.pushed[: len(f.pushed) - 1] for f in found[:-1]]
+    turning_rows = [f.turning[: len(f.turning) - 2] for f in parts_reached[:-1]]
+    kick_rows = [f.pushed[: len(f.pushed) - 1] for f in parts_reached[:-1]]
     return Reached(
         times,
-        np.concatenate([*turning, found[-1].turning]),
-        np.concatenate([*pushed, found[-1].pushed]),
-        np.concatenate([f.changed for f in found]),
+        np.concatenate([*turning_rows, parts_reached[-1].turning]),
+        np.concatenate([*kick_rows, parts_reached[-1].pushed]),
+        np.concatenate([f.changed for f in parts_reached]),
     )
 
 

@@ -107,7 +107,7 @@ def _mismatch(manifest: Manifest, results: Results) -> tuple[float, float] | Non
         manifest.parameters[parts.spacecraft],
     )
     inertia = np.reshape(parameters["inertia"].value, (3, 3))
-    given, most, first = np.zeros(3), np.zeros(2), np.zeros(3)
+    impulse_before, most, first = np.zeros(3), np.zeros(2), np.zeros(3)
     series = [f"{name}.{n}" for n in _BODY_OUTPUTS]
     for rows in blocks(results.count(series[0]), 1):
         q, omega, h = (results.values(s, rows) for s in series)
@@ -121,8 +121,8 @@ def _mismatch(manifest: Manifest, results: Results) -> tuple[float, float] | Non
         for e, weight in zip(NODES, WEIGHTS, strict=True):
             turned = _turned(q[:-1], omega[0], e * dt)
             reference += weight * dt * rotate_back(turned, torque(e, turned))
-        impulse = given + np.cumsum(reference, axis=0)
-        given = impulse[-1]
+        impulse = impulse_before + np.cumsum(reference, axis=0)
+        impulse_before = impulse[-1]
         off = total[1:] - first - impulse
         sizes = [float(np.linalg.norm(x, axis=1).max()) for x in (off, total)]
         most = np.maximum(most, sizes)

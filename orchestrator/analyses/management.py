@@ -83,7 +83,7 @@ MOST_BRAKED = 90.0  # deg of rotation within a sample up to which B-dot brakes
 SETTLED = 0.5  # deg/s: B-dot leaves a craft turning with the field
 LONG_ENOUGH = 1800.0  # s: shortest run in which a law has time to have an effect
 ATTITUDE_LOST_DEG = 30.0  # deg: an attitude error above this is no pointing
-_OF_WHEELS = ("saturated_wheel", "speed_wheel")
+_WHEEL_SERIES = ("saturated_wheel", "speed_wheel")
 Array = NDArray[Any]
 
 
@@ -175,7 +175,7 @@ def _without_coils(system: System, body: str, wheels: str) -> ManagementParts:
 def _with_speed(system: System, wheels: str | None) -> str | None:
     """Return the wheel component if it outputs speeds and saturation, else None."""
     if wheels is None or not system.components[wheels].interface.arrays.keys() >= {
-        *_OF_WHEELS
+        *_WHEEL_SERIES
     }:
         return None
     return wheels
@@ -351,7 +351,7 @@ def signals(parts: ManagementParts) -> list[str]:
     """Return the series that the numbers are computed from."""
     names = [f"{parts.spacecraft}.h_copy_wheel"]
     names += [f"{parts.torquers}.m_mean_body"] if parts.torquers else []
-    return names + [f"{parts.wheels}.{n}" for n in _OF_WHEELS if parts.wheels]
+    return names + [f"{parts.wheels}.{n}" for n in _WHEEL_SERIES if parts.wheels]
 
 
 def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
@@ -378,8 +378,8 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
         values = manifest.values_of(parts.wheels)
         if "inertia_wheel" in values and "speed_limit" in values and there.any():
             known_values["momentum_margin"] = margin(h, capacities(values)[there])
-        saturated = results.values(f"{parts.wheels}.{_OF_WHEELS[0]}")
-        speed = results.series(f"{parts.wheels}.{_OF_WHEELS[1]}", there)
+        saturated = results.values(f"{parts.wheels}.{_WHEEL_SERIES[0]}")
+        speed = results.series(f"{parts.wheels}.{_WHEEL_SERIES[1]}", there)
         known_values |= zip(OF_WHEELS, of_wheels(times, saturated, speed), strict=True)
     if (compared := compare(manifest, results)) is not None:
         known_values |= zip(OF_BALANCE, compared, strict=True)
@@ -556,8 +556,8 @@ class MomentumBalance(NamedTuple):
     drawn_times: Array
     fullest: Array
     rows: int
-    gained: float  # largest change of the total momentum without management
-    removed: float  # largest difference that management makes
+    largest_gain: float  # largest change of the total momentum without management
+    largest_effect: float  # largest difference that management makes
 
 
 def balance(manifest: Manifest, results: Results) -> MomentumBalance | None:
@@ -612,10 +612,15 @@ def _balance(manifest: Manifest, results: Results) -> MomentumBalance | None:
         most = np.maximum(most, largest)
         for i, x in enumerate((h[:, there], without @ inverse.T)):
             both[rows, i] = np.abs(x).max(axis=1, initial=0.0)
-    drawn = shape_of(times, both.__getitem__)
-    gained, removed = most.tolist()
+    shape = shape_of(times, both.__getitem__)
+    gain, change = most.tolist()
     return MomentumBalance(
-        times, distance, distance_without, *drawn, gained=gained, removed=removed
+        times,
+        distance,
+        distance_without,
+        *shape,
+        largest_gain=gain,
+        largest_effect=change,
     )
 
 
@@ -634,18 +639,18 @@ def _momenta(
     axes, carrier = axes_of(_wheels_of(manifest, parts)), np.zeros((3, 3))
     if {"inertia", "inertia_wheel"} <= values.keys():
         carrier = carrier_of(values)[0]
-    given, start = np.zeros(3), np.zeros((1, 3))
+    managed_before, start = np.zeros(3), np.zeros((1, 3))
     for rows in blocks(len(times), 1):
         q, omega, impulse = (results.values(s, rows) for s in states)
         h, steps = results.values(wheels, rows), slice(rows.start, rows.stop - 1)
-        managed = np.tile(given, (len(q), 1))
+        managed = np.tile(managed_before, (len(q), 1))
         if parts.torquers and field:
             b, m = results.values(field, rows), results.values(dipole, steps)
             managed = managed + coil_impulse(times[rows], b, q, m)
         if parts.thrusters:
             torque = results.values(balanced(parts)[-1], steps)
             managed = managed + fired_impulse(times[rows], q, torque)
-        given = managed[-1]
+        managed_before = managed[-1]
         body, wheel_momentum = omega @ carrier.T, h @ axes.T
         if rows.start == 0:
             start = momentum_at_start(q, impulse, wheel_momentum, body)
@@ -807,8 +812,8 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
         momentum_balance.times,
         momentum_balance.distance,
         momentum_balance.distance_without,
-        momentum_balance.gained,
-        momentum_balance.removed,
+        momentum_balance.largest_gain,
+        momentum_balance.largest_effect,
         parts.deadband,
         _capacity(manifest.values_of(parts.wheels or "")),
     )
@@ -872,8 +877,8 @@ def describe_effect(
     times: Array,
     distance: Array,
     distance_without: Array,
-    gained: float,
-    removed: float,
+    gain: float,
+    change: float,
     deadband: float,
     capacity: float,
 ) -> list[str]:
@@ -882,8 +887,8 @@ def describe_effect(
     Momenta are in N m s: those of a `MomentumBalance`, the deadband of the law and the
     capacity of the smallest wheel.
     """
-    brought = max(float(distance[0]), gained)
-    share = removed_share(times, brought, removed, max(deadband, SMALL * capacity))
+    incoming = max(float(distance[0]), gain)
+    share = removed_share(times, incoming, change, max(deadband, SMALL * capacity))
     if share is not None and share < NOTHING:
         return [
             f"management: {manager} is on and takes out {100.0 * share:.2g} % of "
@@ -902,7 +907,7 @@ def describe_effect(
 
 
 def removed_share(
-    times: Array, brought: float, removed: float, negligible: float
+    times: Array, incoming: float, change: float, negligible: float
 ) -> float | None:
     """Compute the momentum that management removes over the incoming momentum.
 
@@ -910,9 +915,9 @@ def removed_share(
     impulse without that of management, or the initial wheel momentum beyond the target.
     None where it is at most `negligible`, or the run is short.
     """
-    if times[-1] - times[0] < LONG_ENOUGH or brought <= negligible or brought == 0.0:
+    if times[-1] - times[0] < LONG_ENOUGH or incoming <= negligible or incoming == 0.0:
         return None
-    return removed / brought
+    return change / incoming
 
 
 def _wheels_of(manifest: Manifest, parts: ManagementParts) -> Values:

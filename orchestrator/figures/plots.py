@@ -318,8 +318,8 @@ def _derived_lines(
         return quantity.rows(times[rows], [s[rows] for s in series], options)
 
     if quantity.is_sum:
-        whole = read(slice(None))
-        times, read = times[: len(whole)], whole.__getitem__
+        all_rows = read(slice(None))
+        times, read = times[: len(all_rows)], all_rows.__getitem__
     times, values, count = shape_of(times, read)
     values = values * scale(
         quantity.unit or results.attribute(plot.signals[0], "unit"), unit

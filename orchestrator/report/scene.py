@@ -43,8 +43,8 @@ def view_of_run(manifest: Manifest, results: Results) -> JsonObject | None:
         return None
     count = min(map(len, series.values()))
     some = np.arange(count) % max(1, -(-count // ROWS)) == 0
-    shown = {name: np.asarray(s.at(some), float) for name, s in series.items()}
-    return view(np.asarray(results.times()[:count][some], float), shown, values)
+    rows_of = {name: np.asarray(s.at(some), float) for name, s in series.items()}
+    return view(np.asarray(results.times()[:count][some], float), rows_of, values)
 
 
 def sources_of(roles: Mapping[str, str]) -> dict[str, str]:

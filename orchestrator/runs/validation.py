@@ -406,7 +406,7 @@ def not_halved(system: System, options: Options) -> Iterator[str]:
             )
 
 
-def _recorded(system: System, options: Options) -> list[Signal]:
+def _outputs_of(system: System, options: Options) -> list[Signal]:
     """Return the outputs that a run records."""
     return [
         s
@@ -421,7 +421,7 @@ def size(system: System, options: Options) -> int:
 
     The run lasts to its stop time.
     """
-    row = 8 + sum(_BYTES[s.kind] for s in _recorded(system, options))
+    row = 8 + sum(_BYTES[s.kind] for s in _outputs_of(system, options))
     return row * (system.steps + 1)
 
 
@@ -432,7 +432,7 @@ def kept_every(system: System, options: Options) -> int:
     of more than `LONG`. Series that share tables are all kept.
     """
     is_long = options.shortens and system.steps > LONG
-    if options.every > 1 or not is_long or len(_recorded(system, options)) > MANY:
+    if options.every > 1 or not is_long or len(_outputs_of(system, options)) > MANY:
         return options.every
     return ceil(system.steps / KEPT_ROWS)
 

@@ -64,6 +64,7 @@ from ..system.options import Options
 from ..system.parameters import bare_block, unit_of
 from ..system.typed import JsonObject
 from .compatibility import terms_of
+from .law import UnsuitedError
 from .momentum import (
     SourceShare,
     compute_slew,
@@ -111,7 +112,7 @@ CHEAPEST_OF, CHEAPEST_AT = (
     10,
     180,
 )  # dumps, and attitudes at which their cost is evaluated
-FLOWN = 3  # dumps that the closed loop flies, unless the user sets a stop time
+DUMPS_FLOWN = 3  # dumps that the closed loop flies, unless the user sets a stop time
 # Intervals between dumps after the first that the model follows, until there are two.
 ROUNDS = (3, 6, 12)
 SLOW_ORBIT = (
@@ -419,14 +420,27 @@ def size(
         return sizing
     sized(sizing)
     causes = list(_causes(system, law, hardware))
-    if options.stop is None:
-        three = steady.first + (FLOWN - 0.5) * steady.interval
-        window = min(window, system.step * ceil(max(86400.0, three) / system.step))
-    first = system.step * ceil(max(86400.0, 1.2 * steady.first) / system.step)
-    flights = window, window if options.stop is not None else min(window, first)
+    flights = _lengths_of_flights(system, options, window, steady)
     loop, unmet = _fly_loops(target, options, flights, causes, progress)
     sizing = replace(sizing, loop=loop, problems=(*sizing.problems, *unmet))
     return replace(sizing, notes=(*notes, *_notes(sizing, requirements)))
+
+
+def _lengths_of_flights(
+    system: System, options: Options, window: float, steady: DumpRates
+) -> tuple[float, float]:
+    """Return how long the closed loop and the worst scenario fly (s), `window` at most.
+
+    It is until `DUMPS_FLOWN` dumps, and until a dump, unless the user sets a stop time.
+    """
+    if options.stop is not None:
+        return window, window
+    three = steady.first + (DUMPS_FLOWN - 0.5) * steady.interval
+    some, few = (
+        system.step * ceil(max(86400.0, x) / system.step)
+        for x in (three, 1.2 * steady.first)
+    )
+    return min(window, some), min(window, few)
 
 
 def _cost_of_thrusters(
@@ -530,7 +544,7 @@ def _rods_alone(
     try:
         laws = list(other_laws(case, terms, skipped))
         _, rods = find_rods_of_laws(system, flight, laws, requirements)
-    except DesatError:
+    except (DesatError, UnsuitedError):
         laws, rods = [], []
     needs = [
         (rod, law.name) for law, rod in zip(laws, rods, strict=True) if rod is not None
@@ -1058,7 +1072,7 @@ def _notes(sizing: DumpSizing, requirements: SizingRequirements) -> Iterator[str
         )
         yield f"the closed loop was not flown: {cause}; every number is the model's"
     dumps = sizing.loop.get("dumps")
-    if sizing.loop and (dumps is None or dumps < FLOWN):
+    if sizing.loop and (dumps is None or dumps < DUMPS_FLOWN):
         yield (
             f"the closed loop has {dumps or 0:g} dumps: too few for reliable rates; use a longer --stop"
         )

@@ -89,9 +89,9 @@ def flight_of(first: float, left_rate: float, coils: float) -> Results:
 def removed_share_of(flight: Results) -> float | None:
     """Return the removed share of a flight by the momenta of its balance."""
     momenta = management.balance(manifest_of(PARTS), flight)
-    brought = max(float(momenta.distance[0]), momenta.gained)
+    incoming = max(float(momenta.distance[0]), momenta.largest_gain)
     return management.removed_share(
-        momenta.times, brought, momenta.removed, management.SMALL
+        momenta.times, incoming, momenta.largest_effect, management.SMALL
     )
 
 

@@ -820,7 +820,9 @@ def test_help_has_each_option_once_in_a_section_the_usual_ones_first(desat, word
         if param.param_type_name != "option":
             continue
         option = param.opts[0]
-        assert any(option in names for names in console.SECTIONS.values()), option
+        assert any(option in names for names in console.SECTIONS.values()), (
+            f"{option}: in no section of SECTIONS, cli/console.py"
+        )
         entries = re.findall(rf"^  {re.escape(option)}[ ,]", text, re.MULTILINE)
         assert len(entries) == 1, option
         places[option] = re.search(rf"^  {re.escape(option)}[ ,]", text, re.M).start()

@@ -617,7 +617,7 @@ def make_run(code: int = 0, **more: object) -> Run:
         "unmet": ["x[b] = 2"] * (code == 1),
         "exit": code if code > 1 else None,
     }
-    run = Run(Manifest.from_json(results), SimpleNamespace())
+    run = Run(Manifest.from_json(results), SimpleNamespace(every=1))
     run.manifest = replace(run.manifest, **more)
     return run
 

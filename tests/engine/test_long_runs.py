@@ -27,13 +27,13 @@ TARGETS = ("nadir_day/day-dipole", "alsat1/firing-ours", "uosat12/fig2-ccpl-1")
 def test_blocks_of_rows_give_the_numbers_of_all(monkeypatch, target):
     """The sums differ by their rounding; what is found at a row is the same."""
     case = prepare(target, Options(stop=900.0))
-    whole = simulate(case)
+    full = simulate(case)
     monkeypatch.setattr(derived, "BLOCK", 101)
     in_blocks = simulate(case)
-    assert in_blocks.manifest.warnings == whole.manifest.warnings
-    assert in_blocks.manifest.unmet == whole.manifest.unmet
-    assert in_blocks.manifest.numbers.keys() == whole.manifest.numbers.keys()
-    for name, number in whole.manifest.numbers.items():
+    assert in_blocks.manifest.warnings == full.manifest.warnings
+    assert in_blocks.manifest.unmet == full.manifest.unmet
+    assert in_blocks.manifest.numbers.keys() == full.manifest.numbers.keys()
+    for name, number in full.manifest.numbers.items():
         value = in_blocks.manifest.numbers[name].value
         close = None if number.value is None else pytest.approx(number.value, rel=1e-9)
         # balances are differences of rounding errors
@@ -62,33 +62,33 @@ def test_a_series_reads_its_rows_as_an_array_has_them():
 
 
 @pytest.fixture(scope="module")
-def shortened(tmp_path_factory) -> tuple[Results, Results, dict[str, object]]:
+def pair_of_files(tmp_path_factory) -> tuple[Results, Results, dict[str, object]]:
     """All rows of a run, its shortened file, and the numbers of both."""
     folder = tmp_path_factory.mktemp("long")
     case = prepare(TARGETS[1], Options(stop=500.0))
     with pytest.MonkeyPatch.context() as patch:
-        whole = simulate(case, folder / "whole")
+        full = simulate(case, folder / "whole")
         patch.setattr(validation, "LONG", 400)
         patch.setattr(validation, "KEPT_ROWS", 30)
         short = replace(case, options=replace(case.options, shortens=True))
         run = simulate(short, folder / "short")
     numbers = {
-        name: (x, whole.manifest.numbers[name])
+        name: (x, full.manifest.numbers[name])
         for name, x in run.manifest.numbers.items()
     }
-    return whole.results, Results.open(folder / "short"), numbers
+    return full.results, Results.open(folder / "short"), numbers
 
 
-def test_a_shortened_file_has_rows_and_extremes(shortened):
-    whole, short, numbers = shortened
+def test_a_shortened_file_has_rows_and_extremes(pair_of_files):
+    all_rows, short, numbers = pair_of_files
     every = short.every
-    assert every == -(-(len(whole.times()) - 1) // 30)
-    assert whole.every == 1
-    assert whole.extremes("wheels.h_wheel") is None
+    assert every == -(-(len(all_rows.times()) - 1) // 30)
+    assert all_rows.every == 1
+    assert all_rows.extremes("wheels.h_wheel") is None
     assert all(a == b for a, b in numbers.values())
-    assert short.names() == whole.names()
+    assert short.names() == all_rows.names()
     for name in short.names():
-        rows = whole.values(name)
+        rows = all_rows.values(name)
         assert np.array_equal(short.values(name), rows[::every]), name
         least, most = short.extremes(name)
         firsts = range(0, len(rows), every)
@@ -96,11 +96,11 @@ def test_a_shortened_file_has_rows_and_extremes(shortened):
         assert np.array_equal(most, [rows[k : k + every].max(axis=0) for k in firsts])
 
 
-def test_a_plot_of_a_shortened_file_has_all_extremes(shortened):
-    whole, short, _ = shortened
+def test_a_plot_of_a_shortened_file_has_all_extremes(pair_of_files):
+    all_rows, short, _ = pair_of_files
     plot = Plot(title="t", signals=("thrusters.tau_mean_thruster_body",))
     for line, full in zip(
-        lines_of(plot, short, "N.m"), lines_of(plot, whole, "N.m"), strict=True
+        lines_of(plot, short, "N.m"), lines_of(plot, all_rows, "N.m"), strict=True
     ):
         assert (line.values.min(), line.values.max()) == (
             full.values.min(),
@@ -138,12 +138,12 @@ def test_a_million_steps_stay_below_400_mb(tmp_path):
     craft = ["new", "craft", "sar", *orbit, *body, *parts, *dump]
     subprocess.run([*command, *craft], cwd=tmp_path, check=True, capture_output=True)
     run = ["run", "sar", "--stop", "1000002", "--out", "out"]
-    with (tmp_path / "said").open("w") as said:
+    with (tmp_path / "log").open("w") as log:
         process = subprocess.Popen(
-            [*command, *run], cwd=tmp_path, stdout=said, stderr=said
+            [*command, *run], cwd=tmp_path, stdout=log, stderr=log
         )
         _, status, usage = os.wait4(process.pid, 0)
-    text = (tmp_path / "said").read_text(encoding="utf-8")
+    text = (tmp_path / "log").read_text(encoding="utf-8")
     process.returncode = os.waitstatus_to_exitcode(status)
     assert process.returncode == 0, text
     kilobytes = usage.ru_maxrss // (1024 if sys.platform == "darwin" else 1)

@@ -28,7 +28,7 @@ from desat.fmus import build, interfaces, registry
 from desat.fmus.description import ICON, LICENCE
 from desat.system import interface
 from desat.system.interface import KINDS
-from tests.conftest import ROOT, described, python
+from tests.conftest import ROOT, description_of, python
 from tests.contract.test_block import begin, fresh, randomise_inputs
 from tests.fmus.test_native import OUT_OF_ORDER
 
@@ -95,7 +95,7 @@ def test_interface_is_the_blocks(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_model_description(name):
-    md = described(path(name))
+    md = description_of(path(name))
     cs = md.coSimulation
     assert cs.canGetAndSetFMUstate
     assert cs.canSerializeFMUstate
@@ -231,7 +231,7 @@ class Instance:
     """An FMU through fmpy, for tests."""
 
     def __init__(self, name: str) -> None:
-        self.md = described(path(name))
+        self.md = description_of(path(name))
         self.fmu = FMU2Slave(
             guid=self.md.guid,
             unzipDirectory=str(library.extract(path(name))),

@@ -35,7 +35,7 @@ from desat.fmus.compiler import NoCompilerError, compiler
 from desat.fmus.translate import program
 from desat.fmus.translate.types import SubsetError
 from desat.runs.run import Options, execute
-from tests.conftest import ROOT, described
+from tests.conftest import ROOT, description_of
 from tests.contract.test_block import randomise_inputs
 
 NATIVE = tuple(n for n in registry.names() if n not in native.PINNED)
@@ -57,7 +57,7 @@ class Pair:
 
     def __init__(self, fmu: Path, block: Block, folder: Path | None = None) -> None:
         self.block, self.messages = block, []
-        description = described(fmu)
+        description = description_of(fmu)
         self.references: dict[str, list[int]] = {}
         for v in description.modelVariables:
             self.references.setdefault(v.name.partition("[")[0], []).append(

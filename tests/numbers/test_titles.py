@@ -837,7 +837,9 @@ def test_every_number_has_a_second_computation():
 )
 def test_a_number_is_what_its_title_says(scenario, name, number):
     flight = fly(scenario)
-    way = TITLES[number["title"]]
+    title = number["title"]
+    assert title in TITLES, f"{title}: its formula is missing in TITLES of this file"
+    way = TITLES[title]
     compute, tolerance = way if isinstance(way, tuple) else (way, CLOSE)
     message = flight.run.manifest["numbers"][name]["value"]
     try:

@@ -357,7 +357,7 @@ def _report_run(
     from ...report.run_tables import tabulate_numbers
     from ...runs.validation import describe_kept
 
-    manifest, kept = finished.manifest, describe_kept(finished.results.every)
+    manifest, thinning = finished.manifest, describe_kept(finished.results.every)
     if as_json:
         print_json(
             {**manifest.to_json(), "folder": str(folder), "report": page and str(page)}
@@ -388,5 +388,5 @@ def _report_run(
     report = f"\nreport: {page.resolve()}" if page else ""
     out.print(
         f"{manifest.steps_done} steps, {manifest.us_per_step} us a step; series in "
-        f"{folder / SERIES}{kept}{report}",
+        f"{folder / SERIES}{thinning}{report}",
     )

@@ -74,7 +74,7 @@ def _unclosed(path: Path) -> Any:
     return h5py.File(h5py.h5f.open(os.fsencode(path), flags, access))
 
 
-def _closed(path: Path) -> Any:
+def _open_whole(path: Path) -> Any:
     """Open a file whose writing has ended."""
     return h5py.File(path, "r", rdcc_nbytes=CACHE)
 
@@ -158,6 +158,7 @@ class Series(NDArrayOperatorsMixin):
         return Series(self._results, self._name, self._columns, at)
 
     def __getitem__(self, at: Any) -> Any:
+        """Return a row, or an array of rows or elements, as that of all rows would."""
         if isinstance(at, tuple) and isinstance(at[0], int):
             return self[at[0]][at[1:]]
         if isinstance(at, int):
@@ -262,7 +263,7 @@ class Results:
             file = file.with_name(file.name + ".part")
         try:
             regular(file, str(file))
-            opened = _unclosed(file) if file.suffix == ".part" else _closed(file)
+            opened = _unclosed(file) if file.suffix == ".part" else _open_whole(file)
             if file.suffix == ".part":
                 grown = min(_grown(opened), _row_count(file.with_name(MANIFEST)))
                 rows = grown if rows is None else min(grown, rows)
@@ -289,8 +290,8 @@ class Results:
     def close(self) -> None:
         """Close the file, and release what was read of it."""
         self._file.close()
-        for kept in (self._computed, self._recent, self._found):
-            kept.clear()
+        for cache in (self._computed, self._recent, self._found):
+            cache.clear()
 
     def thin(self, every: int, extremes: bool = False) -> None:
         """Keep every `every`-th row of every series, from the first on.
@@ -308,7 +309,7 @@ class Results:
         path = Path(self._file.filename)
         self._file.close()
         pack(path, every, extremes)
-        self._file = _closed(path)
+        self._file = _open_whole(path)
         self._index = shared_tables.index(self._file)
 
     def names(self) -> list[str]:
