@@ -17,6 +17,7 @@ demo: ssp ## build everything, run and pack one scenario, say what it came to be
 PLATFORMS ?=
 fmus: .venv/.installed ## build the FMUs of all blocks into fmus/dist/; PLATFORMS=all: native ones for all platforms (pip install ziglang)
 	$(BIN)/python -m desat.fmus.build $(if $(PLATFORMS),--platforms $(PLATFORMS))
+	@$(BIN)/python -m desat.web.module
 
 ssp: fmus ## write the SSD of every craft; .ssp files are packed on demand: desat pack [NAME]
 	@$(BIN)/desat pack --ssd | grep -v ": current" || true

@@ -104,13 +104,9 @@ def _write(file: Path, kind: str, more: Mapping[str, Any], force: bool) -> list[
         if path.exists() and not force:
             raise DesatError(f"{path}: it exists; --force writes over it")
         io.place_of(path)
-    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from ..files.templates import text_templates
 
-    environment = Environment(
-        loader=PackageLoader("desat", f"templates/{kind}"),
-        undefined=StrictUndefined,
-        keep_trailing_newline=True,
-    )
+    environment = text_templates(kind)
     words = [w for w in name.split("_") if w]
     values = {
         "name": name,

@@ -216,13 +216,9 @@ def write(
     check_folder(folder, force)
     name = folder.absolute().name
     values = _template_values(facts, name, plain(command), dipole_sign)
-    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from ..files.templates import text_templates
 
-    environment = Environment(
-        loader=PackageLoader("desat", "templates/craft"),
-        undefined=StrictUndefined,
-        keep_trailing_newline=True,
-    )
+    environment = text_templates("craft")
     scenarios = SCENARIOS if values["rods"] else SCENARIOS[:2]
     texts = {
         f"{name}.toml": environment.get_template(f"{name}.toml").render(values)

@@ -34,7 +34,7 @@ def render(template: str, **values: Any) -> str:
     """Render one of our templates to a page with its Content Security Policy."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-    from .compiled_templates import CompiledTemplates
+    from ..files.templates import CompiledTemplates
 
     environment = Environment(
         loader=FileSystemLoader(discovery.folders("templates")),

@@ -8,6 +8,7 @@ import subprocess
 import tempfile
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
 
@@ -99,6 +100,15 @@ def compiled(texts: dict[str, str]) -> bytes:
         return (folder / "loops.wasm").read_bytes()
 
 
+def fill_cache() -> None:
+    """Compile an empty module where there is a compiler.
+
+    It builds its C library for WebAssembly once, which the first page would wait for.
+    """
+    with suppress(DesatError):
+        compiled({"empty.c": "int desat_empty(void) { return 0; }\n"})
+
+
 def _run(command: Sequence[str], folder: Path) -> None:
     """Run the compiler, or raise DesatError with its message."""
     process = subprocess.run(
@@ -108,3 +118,7 @@ def _run(command: Sequence[str], folder: Path) -> None:
         native.check_room(process.stderr, "compiler zig")
         lines = (process.stderr.strip() or "no word").splitlines()
         raise DesatError(f"zig does not compile {command[-1]}: {lines[0]}")
+
+
+if __name__ == "__main__":
+    fill_cache()

@@ -1,4 +1,4 @@
-"""Keep compiled templates in the user's cache.
+"""Make environments of templates, which are kept compiled in the user's cache.
 
 Compiling those of a report takes as long as drawing it.
 """
@@ -8,9 +8,14 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING, Self
 
-from jinja2 import FileSystemBytecodeCache
+from jinja2 import (
+    Environment,
+    FileSystemBytecodeCache,
+    PackageLoader,
+    StrictUndefined,
+)
 
-from ..files import paths
+from . import paths
 
 if TYPE_CHECKING:
     from jinja2.bccache import Bucket
@@ -33,3 +38,13 @@ class CompiledTemplates(FileSystemBytecodeCache):
         """Write a compiled template, unless the disk has no room for it."""
         with suppress(OSError):
             super().dump_bytecode(bucket)
+
+
+def text_templates(folder: str) -> Environment:
+    """Return the environment of the templates of text in a folder of `templates`."""
+    return Environment(
+        loader=PackageLoader("desat", f"templates/{folder}"),
+        bytecode_cache=CompiledTemplates.in_cache(),
+        undefined=StrictUndefined,
+        keep_trailing_newline=True,
+    )
