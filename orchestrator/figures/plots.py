@@ -281,6 +281,19 @@ def _draw_limits(
             ax.level(-value, LIMIT, width=0.9, dash=DOTTED)
 
 
+def keep_derived_lines(
+    plots: Mapping[str, Plot], results: Results, parameters: Table
+) -> None:
+    """Compute what plots derive of all rows, before the file of a run is shortened.
+
+    These are derived quantities and the strips of modes.
+    """
+    _strips_of(results)
+    for plot in plots.values():
+        if plot.derive and (unit := unit_of(plot, results)) is not None:
+            _drawn_lines(plot, results, parameters, unit)
+
+
 def lines_of(
     plot: Plot, results: Results, unit: str, sample_time: float = 0.0
 ) -> list[Line]:
@@ -317,10 +330,15 @@ def _derived_lines(
         """Compute rows of the quantity."""
         return quantity.rows(times[rows], [s[rows] for s in series], options)
 
-    if quantity.is_sum:
+    def shape() -> tuple[Any, Any, int]:
+        """Compute the quantity as a plot shows it."""
+        if not quantity.is_sum:
+            return shape_of(times, read)
         all_rows = read(slice(None))
-        times, read = times[: len(all_rows)], all_rows.__getitem__
-    times, values, count = shape_of(times, read)
+        return shape_of(times[: len(all_rows)], all_rows.__getitem__)
+
+    key = repr(("line", plot.derive, signals, plot.sequence, sample_time))
+    times, values, count = results.once(key, shape)
     values = values * scale(
         quantity.unit or results.attribute(plot.signals[0], "unit"), unit
     )
@@ -406,10 +424,14 @@ def timeline(
     coloured bands under the axis.
     """
     ax.x.label, ax.x.margin, ax.x.seconds = f"time [{unit}]", 0.01, seconds
-    strips = results.once("strips", lambda: list(_strips(results))) if results else []
-    for strip in strips:
+    for strip in _strips_of(results) if results else ():
         spans = [(begin / seconds, end / seconds) for begin, end in strip.spans]
         ax.strips.append(replace(strip, spans=spans))
+
+
+def _strips_of(results: Results) -> list[Strip]:
+    """Return the strips of a run, which are found once."""
+    return results.once("strips", lambda: list(_strips(results)))
 
 
 def _strips(results: Results) -> Iterator[Strip]:

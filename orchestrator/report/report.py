@@ -22,6 +22,7 @@ from ..language.scenario import Plot
 from ..numbers.text import number, spell_unit
 from ..runs import drawings
 from ..runs.run import Run
+from ..runs.validation import describe_kept
 from ..system import discovery
 from . import scene
 from .policy import PLACEHOLDER, PageScripts, part
@@ -108,6 +109,7 @@ def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
         lead=lead,
         has_management=has_management,
         law=_law(manifest),
+        thinning=describe_kept(run.results.every),
         **_pictures(manifest, run.results),
         files=_files(folder),
         **figures_of(figures),

@@ -297,7 +297,13 @@ def simulate(
         choice, checkpoint = more, None
     every = kept_every(system, case.options)
     if every > 1 and run.ok:  # numbers are computed from all rows
-        run.results.thin(every, extremes=case.options.every == 1)
+        is_shortened = case.options.every == 1
+        if is_shortened:
+            from ..figures.plots import keep_derived_lines  # slow import
+
+            plots = run.manifest.content.plots
+            keep_derived_lines(plots, run.results, run.manifest.parameters)
+        run.results.thin(every, extremes=is_shortened)
     return run
 
 

@@ -13,13 +13,14 @@ import numpy as np
 import pytest
 
 from desat.engine.recording.results import Results
-from desat.figures.plots import lines_of
+from desat.figures.plots import keep_derived_lines, lines_of
 from desat.language.scenario import Plot
 from desat.numbers import derived, shapes
 from desat.runs import validation
 from desat.runs.run import prepare, simulate
 from desat.system.options import Options
 
+POINTING = ("spacecraft.q_bi", "guidance.q_ref_bi")
 TARGETS = ("nadir_day/day-dipole", "alsat1/firing-ours", "uosat12/fig2-ccpl-1")
 
 
@@ -76,6 +77,9 @@ def pair_of_files(tmp_path_factory) -> tuple[Results, Results, dict[str, object]
         name: (x, full.manifest.numbers[name])
         for name, x in run.manifest.numbers.items()
     }
+    run.write_report()
+    text = (folder / "short" / "report.html").read_text(encoding="utf-8")
+    assert f"one row of {run.results.every}, with minimum, maximum and mean" in text
     return full.results, Results.open(folder / "short"), numbers
 
 
@@ -108,6 +112,23 @@ def test_a_plot_of_a_shortened_file_has_all_extremes(pair_of_files):
         )
         assert (np.diff(line.times) > 0.0).all()
         assert line.rows >= len(full.values)
+
+
+def test_what_a_plot_derives_is_of_all_rows_before_a_file_is_shortened(tmp_path):
+    case = prepare(TARGETS[0], Options(stop=500.0, shortens=True))
+    plots = {"error": Plot(title="e", derive="pointing", signals=POINTING)}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(validation, "LONG", 400)
+        patch.setattr(validation, "KEPT_ROWS", 30)
+        full = simulate(case)
+        (line,) = lines_of(plots["error"], full.results, "deg")
+        run = simulate(case, tmp_path / "short")
+        before = simulate(replace(case, options=Options(stop=500.0)), tmp_path / "all")
+        keep_derived_lines(plots, before.results, before.manifest.parameters)
+        before.results.thin(17, extremes=True)
+    (after,) = lines_of(plots["error"], before.results, "deg")
+    assert np.array_equal(after.values, line.values)
+    assert run.results.every == 17
 
 
 def test_a_long_line_has_the_extremes_of_its_parts(monkeypatch):
