@@ -32,7 +32,7 @@ from .series_file import CACHE, EVERY, pack
 T = TypeVar("T")
 Array = NDArray[Any]
 SOME = 1 << 16  # rows of a long series that are read together where some are kept
-RECENT = 64 << 20  # bytes: cache of unpacked series and of results derived from them
+RECENT = 128 << 20  # bytes: cache of unpacked series and of results derived from them
 SERIES, MANIFEST = "series.h5", "manifest.json"
 _FRAMES = {
     "eci": "eci",
@@ -365,8 +365,9 @@ class Results:
             else min(self._rows, rows.stop or self._rows)
         )
         column = self._find(name)
+        most = RECENT // (16 if rows == slice(None) else 32)
         try:
-            if not isinstance(column, h5py.Dataset) or column.nbytes > RECENT // 8:
+            if not isinstance(column, h5py.Dataset) or column.nbytes > most:
                 return np.asarray(column[rows.start : last])
             series = self.recent(("values", name), lambda: np.asarray(column[:]))
             return series[rows.start : last]
