@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import os
 import random
 import resource
 import shlex
@@ -181,34 +182,35 @@ def drawn(seed: int) -> list[tuple[str, list[str]]]:
 
 
 def sized(options: Sequence[str]) -> tuple[dict[str, Any], float]:
-    """What `desat size --json` says of a craft, and the CPU seconds. Raises SystemExit
-    where it cannot."""
-    with tempfile.TemporaryDirectory() as folder:
-        for command in (["new", "craft", "mine", *options], ["size", "mine", "--json"]):
-            done = subprocess.run(
-                [sys.executable, "-c", _CHILD, *command],
-                cwd=folder,
-                text=True,
-                capture_output=True,
-                check=False,
-            )
-            if done.returncode > 1:
-                raise SystemExit(f"{' '.join(options)}: {done.stderr[-2000:]}")
-        cpu = float(done.stderr.rpartition("cpu ")[2])
-        return json.loads(done.stdout), cpu
-
-
-_CHILD = """
-import resource, sys
-from desat.cli.__main__ import main
-try:
-    code = main()
-except SystemExit as end:
-    code = end.code
-a, b = (resource.getrusage(x) for x in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-print("cpu", a.ru_utime + a.ru_stime + b.ru_utime + b.ru_stime, file=sys.stderr)
-sys.exit(code)
-"""
+    """What `desat size --json` says of a craft, and the CPU seconds of the command.
+    Raises SystemExit where it cannot."""
+    desat = [sys.executable, "-m", "desat.cli"]
+    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile("w+") as log:
+        made = subprocess.run(
+            [*desat, "new", "craft", "mine", *options],
+            cwd=folder,
+            text=True,
+            capture_output=True,
+            check=False,
+        )
+        if made.returncode:
+            raise SystemExit(f"{shlex.join(options)}: {made.stderr[-2000:]}")
+        process = subprocess.Popen(
+            [*desat, "size", "mine", "--json"],
+            cwd=folder,
+            text=True,
+            stdout=subprocess.PIPE,
+            stderr=log,
+        )
+        assert process.stdout is not None
+        answer = process.stdout.read()
+        process.stdout.close()
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        if process.returncode > 1:
+            log.seek(0)
+            raise SystemExit(f"{shlex.join(options)}: {log.read()[-2000:]}")
+        return json.loads(answer), usage.ru_utime + usage.ru_stime
 
 
 def compare(message: dict[str, Any]) -> dict[str, tuple[float, float]]:
