@@ -186,15 +186,15 @@ def sized(options: Sequence[str]) -> tuple[dict[str, Any], float]:
     Raises SystemExit where it cannot."""
     desat = [sys.executable, "-m", "desat.cli"]
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile("w+") as log:
-        made = subprocess.run(
+        new_craft = subprocess.run(
             [*desat, "new", "craft", "mine", *options],
             cwd=folder,
             text=True,
             capture_output=True,
             check=False,
         )
-        if made.returncode:
-            raise SystemExit(f"{shlex.join(options)}: {made.stderr[-2000:]}")
+        if new_craft.returncode:
+            raise SystemExit(f"{shlex.join(options)}: {new_craft.stderr[-2000:]}")
         process = subprocess.Popen(
             [*desat, "size", "mine", "--json"],
             cwd=folder,

@@ -92,6 +92,8 @@ KICK = 0.0076
 ACCURACY = 1e-5  # rad: largest attitude error that the substeps may leave
 # Number of dumps of a scenario, and its maximum number of steps.
 DUMPS, MOST_STEPS = 3, 2_500_000
+# s that `desat run` takes for a step and for each of its substeps, with the report
+STEP_COST, SUBSTEP_COST = 6e-6, 7e-6
 # initial attitude error of the worst scenario: 10 deg
 OFF: Vec4 = (0.05, -0.05, 0.0513, 0.9962)
 YAW_ERROR = 1e-3  # rad: lag of the attitude under the acceleration of the steered frame
@@ -332,6 +334,17 @@ def _assumptions(facts: CraftFacts, values: Mapping[str, Any]) -> Iterator[Assum
     yield Assumption(
         "sample time and step", f"{values['step']:g}", "s", values["step_why"]
     )
+    yield _length_of_flight(values)
+
+
+def _length_of_flight(values: Mapping[str, Any]) -> Assumption:
+    """Return how long the nominal scenario is, and what it takes to fly."""
+    steps = values["stop"] / values["step"]
+    substeps = 2 if values["substeps"] == AUTO else values["substeps"]
+    seconds = max(1.0, steps * (STEP_COST + SUBSTEP_COST * substeps))
+    reason = f"{steps:,.0f} steps: `desat run` takes about {seconds:.0f} s"
+    days = f"{values['stop'] / 86400.0:g}"
+    return Assumption("length of the nominal flight", days, "d", reason)
 
 
 def _of_class(

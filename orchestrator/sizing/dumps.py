@@ -103,6 +103,7 @@ NODES = 1440  # minimum number of rows of a day or orbit
 # dumps.
 COARSE, MOST_ROWS = 1200.0, 100_000
 MOST_SAMPLES = 10_000  # samples of a dump
+LAST_SAMPLES = 8  # samples of a dump that are computed one by one
 BETWEEN = 200  # minimum number of rows between two dumps
 WEEK = 7.0 * 86400.0
 # Thresholds, as shares of a wheel's capacity, for which dumps are sized beside the
@@ -990,12 +991,19 @@ def _taken(
 ) -> Array:
     """Return the momentum (3,) N m s, body, that a dump by the law's block removes.
 
-    `held` is the momentum beyond the target; the craft does not turn meanwhile.
+    `momentum_body` is the momentum beyond the target; the craft does not turn
+    meanwhile. Until `LAST_SAMPLES` are left the block takes its torque along the
+    momentum, to within the pulse that the next samples make up for.
     """
     block = law.block
-    block.begin = max(0.999 * fill, 1.001 * block.end)
+    share = 1.0
+    if not target.any():
+        size = float(np.linalg.norm(momentum_body))
+        step = block.torque * block.sample_time / size
+        share -= step * max(0, int((1.0 - block.end / fill) / step) - LAST_SAMPLES)
+    block.begin = max(0.999 * share * fill, 1.001 * block.end)
     block.start()
-    remaining, t = momentum_body, 0.0
+    remaining, t = share * momentum_body, 0.0
     for _ in range(MOST_SAMPLES):
         a, b, c, d = (spread @ (remaining + target)).tolist()
         block.h_wheel = (a, b, c, d)
