@@ -295,16 +295,24 @@ def simulate(
         if folder is not None:
             remove(folder)
         choice, checkpoint = more, None
-    every = kept_every(system, case.options)
-    if every > 1 and run.ok:  # numbers are computed from all rows
-        is_shortened = case.options.every == 1
-        if is_shortened:
-            from ..figures.plots import keep_derived_lines  # slow import
-
-            plots = run.manifest.content.plots
-            keep_derived_lines(plots, run.results, run.manifest.parameters)
-        run.results.thin(every, extremes=is_shortened)
+    if run.ok:
+        _thin(run, kept_every(system, case.options), case.options.every == 1)
     return run
+
+
+def _thin(run: Run, every: int, extremes: bool) -> None:
+    """Keep one row of so many of a run, whose numbers are those of all rows.
+
+    With `extremes` plots show what its series do between them.
+    """
+    if every == 1:
+        return
+    if extremes:
+        from ..figures.plots import keep_derived_lines  # slow import
+
+        plots = run.manifest.content.plots
+        keep_derived_lines(plots, run.results, run.manifest.parameters)
+    run.results.thin(every, extremes)
 
 
 def _with_inner(case: Case, choice: SubstepChoice | None) -> Case:
