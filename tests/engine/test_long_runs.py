@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from desat.engine.recording import series_file
 from desat.engine.recording.results import Results
 from desat.figures.plots import keep_derived_lines, lines_of
 from desat.language.scenario import Plot
@@ -145,6 +146,16 @@ def test_a_long_line_has_the_extremes_of_its_parts(monkeypatch):
         pair = np.sort(y[2 * part : 2 * part + 2], axis=0)
         assert np.array_equal(pair[0], values[begin:end].min(axis=0))
         assert np.array_equal(pair[1], values[begin:end].max(axis=0))
+
+
+def test_without_room_for_both_the_file_keeps_all_rows(tmp_path, monkeypatch):
+    monkeypatch.setattr(validation, "LONG", 40)
+    monkeypatch.setattr(validation, "KEPT_ROWS", 10)
+    monkeypatch.setattr(series_file.Packing, "leave_room", lambda self, _: self.drop())
+    case = prepare(TARGETS[0], Options(stop=60.0, shortens=True))
+    run = simulate(case, tmp_path / "run")
+    assert (run.results.every, len(run.results.times())) == (1, 61)
+    assert run.results.extremes("wheels.h_wheel") is None
 
 
 @pytest.mark.slow
