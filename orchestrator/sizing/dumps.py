@@ -113,7 +113,7 @@ CHEAPEST_OF, CHEAPEST_AT = (
     10,
     180,
 )  # dumps, and attitudes at which their cost is evaluated
-DUMPS_FLOWN = 3  # dumps that the closed loop flies, unless the user sets a stop time
+DUMPS_FLOWN, STEPS_FLOWN = 3, 500_000  # of the closed loop, at least
 # Intervals between dumps after the first that the model follows, until there are two.
 ROUNDS = (3, 6, 12)
 SLOW_ORBIT = (
@@ -432,14 +432,15 @@ def _lengths_of_flights(
 ) -> tuple[float, float]:
     """Return how long the closed loop and the worst scenario fly (s), `window` at most.
 
-    It is until `DUMPS_FLOWN` dumps, and until a dump, unless the user sets a stop time.
+    Unless the user sets a stop time, the first has at least `DUMPS_FLOWN` dumps, and as
+    many more as `STEPS_FLOWN` steps have; the second has one.
     """
     if options.stop is not None:
         return window, window
     three = steady.first + (DUMPS_FLOWN - 0.5) * steady.interval
     some, few = (
         system.step * ceil(max(86400.0, x) / system.step)
-        for x in (three, 1.2 * steady.first)
+        for x in (max(three, STEPS_FLOWN * system.step), 1.2 * steady.first)
     )
     return min(window, some), min(window, few)
 
