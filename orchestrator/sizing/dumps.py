@@ -113,7 +113,7 @@ CHEAPEST_OF, CHEAPEST_AT = (
     10,
     180,
 )  # dumps, and attitudes at which their cost is evaluated
-DUMPS_FLOWN, STEPS_FLOWN = 3, 500_000  # of the closed loop, at least
+DUMPS_FLOWN, STEPS_FLOWN = 3, 800_000  # of the closed loop, at least
 # Intervals between dumps after the first that the model follows, until there are two.
 ROUNDS = (3, 6, 12)
 SLOW_ORBIT = (
@@ -421,6 +421,8 @@ def size(
         return sizing
     sized(sizing)
     causes = list(_causes(system, law, hardware))
+    if whole_run is None:  # beyond the scenario's stop the environment may end
+        window = min(window, system.stop - system.start)
     flights = _lengths_of_flights(system, options, window, steady)
     loop, unmet = _fly_loops(target, options, flights, causes, progress)
     sizing = replace(sizing, loop=loop, problems=(*sizing.problems, *unmet))
@@ -650,15 +652,11 @@ def _numbers_of(run: Run) -> Iterator[tuple[str, float | None]]:
 def _window(system: System, options: Options, steady: DumpRates) -> float:
     """Return the time (s) over which dumps are followed and flown.
 
-    It is the scenario's, shortened to MANY dumps and MOST_STEPS steps unless the user
-    sets a stop time.
+    It has MANY dumps or MOST_STEPS steps, unless the user sets a stop time.
     """
-    span = system.stop - system.start
     if options.stop is not None:
-        return span
-    duration = min(
-        span, MOST_STEPS * system.step, steady.first + MANY * steady.interval
-    )
+        return system.stop - system.start
+    duration = min(MOST_STEPS * system.step, steady.first + MANY * steady.interval)
     return system.step * ceil(duration / system.step)
 
 
