@@ -344,7 +344,7 @@ def _length_of_flight(values: Mapping[str, Any]) -> Assumption:
     seconds = max(1.0, steps * (STEP_COST + SUBSTEP_COST * substeps))
     reason = f"{steps:,.0f} steps: `desat run` takes about {seconds:.0f} s"
     days = f"{values['stop'] / 86400.0:g}"
-    return Assumption("length of the nominal flight", days, "d", reason)
+    return Assumption("nominal flight", days, "d", reason)
 
 
 def _of_class(

@@ -421,16 +421,18 @@ def size(
         return sizing
     sized(sizing)
     causes = list(_causes(system, law, hardware))
-    if whole_run is None:  # beyond the scenario's stop the environment may end
-        window = min(window, system.stop - system.start)
-    flights = _lengths_of_flights(system, options, window, steady)
+    flights = _lengths_of_flights(system, options, window, steady, whole_run)
     loop, unmet = _fly_loops(target, options, flights, causes, progress)
     sizing = replace(sizing, loop=loop, problems=(*sizing.problems, *unmet))
     return replace(sizing, notes=(*notes, *_notes(sizing, requirements)))
 
 
 def _lengths_of_flights(
-    system: System, options: Options, window: float, steady: DumpRates
+    system: System,
+    options: Options,
+    window: float,
+    steady: DumpRates,
+    whole_run: Flight | None,
 ) -> tuple[float, float]:
     """Return how long the closed loop and the worst scenario fly (s), `window` at most.
 
@@ -439,6 +441,8 @@ def _lengths_of_flights(
     """
     if options.stop is not None:
         return window, window
+    if whole_run is None:  # beyond the scenario's stop the environment may end
+        window = min(window, system.stop - system.start)
     three = steady.first + (DUMPS_FLOWN - 0.5) * steady.interval
     some, few = (
         system.step * ceil(max(86400.0, x) / system.step)
