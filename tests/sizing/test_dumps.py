@@ -537,3 +537,21 @@ def test_aligned_dumps_are_sized_as_they_fly_and_save_a_quarter(tmp_path):
     )
     assert waits.steady.a_year == pytest.approx(0.769, rel=0.05)
     assert waits.steady.a_year / at_once.steady.a_year == pytest.approx(0.74, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("first", "interval", "stop", "reaches", "flights"),
+    [
+        (4e5, 4e5, None, True, (1.4e6, 480_000.0)),  # three dumps
+        (1e4, 1e4, None, True, (800_000.0, 86_400.0)),  # many steps, a day
+        (1e4, 1e4, 5e4, True, (9e6, 9e6)),  # what the user says
+        (4e5, 4e5, None, False, (1e6, 480_000.0)),  # the environment ends
+    ],
+)
+def test_how_long_the_closed_loop_flies(first, interval, stop, reaches, flights):
+    system = SimpleNamespace(start=0.0, stop=1e6, step=1.0)
+    steady = dumps.DumpRates(first, interval, 1.0, 1.0, 1.0)
+    lengths = dumps._lengths_of_flights(
+        system, Options(stop=stop), 9e6, steady, object() if reaches else None
+    )
+    assert lengths == pytest.approx(flights)
