@@ -322,7 +322,12 @@ ACCEPTED: dict[str, dict[str, str]] = {
         "0.063 deg": "a second of the orbit's rate",
         "540 MB": BY_HAND,
     },
-    "docs/results.md": {"1 s": LIMIT, "58 MB": BY_HAND},
+    "docs/results.md": {
+        "1 GB": LIMIT,
+        "1 s": LIMIT,
+        "400 kg": LIMIT,
+        "58 MB": BY_HAND,
+    },
     "docs/hardware.template": {
         "10 %": TESTED,
         "1 %": LIMIT,

@@ -61,6 +61,7 @@ class File:
     """Data sets by name: `time`, `component/variable`, tables."""
 
     def __init__(self) -> None:
+        self.attrs: dict[str, str] = {}
         self._groups: dict[str, Any] = {}
 
     def create_dataset(
