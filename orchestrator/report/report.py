@@ -109,7 +109,7 @@ def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
         lead=lead,
         has_management=has_management,
         law=_law(manifest),
-        thinning=describe_kept(run.results.every),
+        thinning=describe_kept(run.results),
         **_pictures(manifest, run.results),
         files=_files(folder),
         **figures_of(figures),

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from ..analyses import analyses
+from ..engine.recording.results import Results
 from ..engine.recording.shared_tables import MANY
 from ..language.content import Content, PaperEntry
 from ..language.paper import OfNumber
@@ -462,11 +463,13 @@ def describe_size(system: System, options: Options) -> list[str]:
     return [line]
 
 
-def describe_kept(every: int) -> str:
-    """Return what a file that has one of so many rows holds besides; "" if it has all."""
+def describe_kept(results: Results) -> str:
+    """Return which rows the file of a run has; "" if it has all."""
+    if results.every == 1:
+        return ""
+    if not any(results.extremes(name) for name in results.names()[:1]):
+        return f" (one row of {results.every}; numbers are of all rows)"
     return (
-        f" (one row of {every}, with minimum, maximum and mean between; numbers are of "
-        "all rows, and --every 1 keeps them)"
-        if every > 1
-        else ""
+        f" (one row of {results.every}, with minimum, maximum and mean between; numbers "
+        "are of all rows, and --every 1 keeps them)"
     )

@@ -101,6 +101,15 @@ def test_a_shortened_file_has_rows_and_extremes(pair_of_files):
         assert np.array_equal(most, [rows[k : k + every].max(axis=0) for k in firsts])
 
 
+def test_what_is_said_of_thinned_rows(tmp_path, pair_of_files):
+    all_rows, short, _ = pair_of_files
+    assert validation.describe_kept(all_rows) == ""
+    assert "minimum, maximum and mean" in validation.describe_kept(short)
+    run = simulate(prepare(TARGETS[0], Options(stop=60.0, every=20)), tmp_path / "run")
+    text = " (one row of 20; numbers are of all rows)"
+    assert validation.describe_kept(run.results) == text
+
+
 def test_a_plot_of_a_shortened_file_has_all_extremes(pair_of_files):
     all_rows, short, _ = pair_of_files
     plot = Plot(title="t", signals=("thrusters.tau_mean_thruster_body",))

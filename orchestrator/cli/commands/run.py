@@ -357,7 +357,7 @@ def _report_run(
     from ...report.run_tables import tabulate_numbers
     from ...runs.validation import describe_kept
 
-    manifest, thinning = finished.manifest, describe_kept(finished.results.every)
+    manifest, thinning = finished.manifest, describe_kept(finished.results)
     if as_json:
         print_json(
             {**manifest.to_json(), "folder": str(folder), "report": page and str(page)}
