@@ -1890,6 +1890,7 @@ def test_a_report_that_fails_leaves_the_manifest(system, tmp_path, monkeypatch, 
 
 PROVOKED = {
     "the same up to 64, with an `accuracy` of": "FALLBACK",
+    "no room to shorten": "leave_room",
     "segmentation fault": '"SEGFAULT"',
     "stack overflow": '"OVERFLOW"',
     "abort": '"ABORT"',

@@ -19,6 +19,7 @@ from desat.language.scenario import Plot
 from desat.numbers import derived, shapes
 from desat.runs import validation
 from desat.runs.run import prepare, simulate
+from desat.system.errors import Exit
 from desat.system.options import Options
 
 POINTING = ("spacecraft.q_bi", "guidance.q_ref_bi")
@@ -163,6 +164,7 @@ def test_without_room_for_both_the_file_keeps_all_rows(tmp_path, monkeypatch):
     monkeypatch.setattr(series_file.Packing, "leave_room", lambda self, _: self.drop())
     case = prepare(TARGETS[0], Options(stop=60.0, shortens=True))
     run = simulate(case, tmp_path / "run")
+    assert run.code == Exit.COMPLETED
     assert (run.results.every, len(run.results.times())) == (1, 61)
     assert run.results.extremes("wheels.h_wheel") is None
 
