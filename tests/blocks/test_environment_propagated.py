@@ -28,6 +28,8 @@ from desat.components.physics import averaging, earth, orbit
 from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError
 from tests.conftest import cross3
+from tests.physics import environments
+from tests.physics.environments import at
 
 DAY = 86400.0
 ECCENTRIC = {
@@ -42,16 +44,8 @@ ORBITS = [{}, ECCENTRIC]
 
 
 def begin(block: Block, **parameters: object) -> Block:
-    variables = {v.name: v for v in block.variables}
-    for name, value in parameters.items():
-        variable = variables[name]
-        setattr(
-            block, name, variable.choices.index(value) if variable.choices else value
-        )
-    block.check()
-    block.start()
-    block.output(0.0)
-    return block
+    """The block, checked and started, with its outputs at 0 s."""
+    return at(environments.begin(block, **parameters), 0.0)
 
 
 def propagation(**parameters: object) -> EnvironmentPropagated:

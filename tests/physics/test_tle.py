@@ -4,38 +4,16 @@ from __future__ import annotations
 
 import math
 import sys
-from datetime import datetime
 from pathlib import Path
 
 import pytest
 import sgp4
 
 from desat.components.blocks.environment_tle import EnvironmentTle
-from desat.components.contract.block import Block, BlockError
+from desat.components.contract.block import BlockError
 from desat.components.maths.vector import norm, sub
 from desat.components.physics import tle
-
-
-def epoch(*date: int) -> float:
-    return (datetime(*date) - datetime(2000, 1, 1, 12)).total_seconds()
-
-
-def begin(block: Block, **parameters: object) -> Block:
-    """The block, checked and started; a choice by its name."""
-    variables = {v.name: v for v in block.variables}
-    for name, value in parameters.items():
-        variable = variables[name]
-        setattr(
-            block, name, variable.choices.index(value) if variable.choices else value
-        )
-    block.check()
-    block.start()
-    return block
-
-
-def at(block: Block, t: float) -> Block:
-    block.output(t)
-    return block
+from tests.physics.environments import at, begin, epoch
 
 
 def test_sgp4_verification():
