@@ -407,10 +407,10 @@ def not_halved(system: System, options: Options) -> Iterator[str]:
             )
 
 
-def _outputs_of(system: System, options: Options) -> list[Signal]:
-    """Return the outputs that a run records."""
+def _outputs_of(system: System, options: Options) -> list[tuple[str, Signal]]:
+    """Return the outputs that a run records, with the names of their components."""
     return [
-        s
+        (c.name, s)
         for c in system.components.values()
         for s in c.interface.outputs
         if s.kind in KINDS and selects(options.record, c.name, s)
@@ -422,7 +422,7 @@ def size(system: System, options: Options) -> int:
 
     The run lasts to its stop time.
     """
-    row = 8 + sum(_BYTES[s.kind] for s in _outputs_of(system, options))
+    row = 8 + sum(_BYTES[s.kind] for _, s in _outputs_of(system, options))
     return row * (system.steps + 1)
 
 
@@ -433,7 +433,10 @@ def kept_every(system: System, options: Options) -> int:
     of more than `LONG`. Series that share tables are all kept.
     """
     is_long = options.shortens and system.steps > LONG
-    if options.every > 1 or not is_long or len(_outputs_of(system, options)) > MANY:
+    if options.every > 1 or not is_long:
+        return options.every
+    series = {(name, s.series) for name, s in _outputs_of(system, options)}
+    if len(series) > MANY:
         return options.every
     return ceil(system.steps / KEPT_ROWS)
 
