@@ -45,6 +45,7 @@ from .manifest import (
     unrecorded,
 )
 from .prepare import prepare
+from .progress import stages
 from .step_case import StepOutcome, step
 from .validation import kept_every
 
@@ -296,7 +297,9 @@ def simulate(
             remove(folder)
         choice, checkpoint = more, None
     if run.ok:
-        _thin(run, kept_every(system, case.options), case.options.every == 1)
+        with stages(progress) as tell:
+            tell("rows that its file keeps")
+            _thin(run, kept_every(system, case.options), case.options.every == 1)
     return run
 
 
@@ -409,7 +412,9 @@ def _simulate(
         outcome.signal,
     )
     try:
-        _measure(run, system)
+        with stages(progress) as tell:
+            tell("its numbers")
+            _measure(run, system)
     finally:  # the manifest is kept whatever fails in there
         if folder is not None:
             end_manifest(folder, run.manifest)

@@ -226,8 +226,10 @@ def _report(finished: Run, other: Run | None, folder: Path) -> Path | None:
     None where the disk has no room for that of a run that failed.
     """
     from ...report import report as report_module
+    from ...runs.progress import stages
 
-    with skip_if_disk_full(finished, folder, "report"):
+    with skip_if_disk_full(finished, folder, "report"), stages() as tell:
+        tell("its report")
         return report_module.write_report(folder, finished, other)
     return None
 
