@@ -35,6 +35,15 @@ def _box(r: random.Random, a: tuple[float, float], b: tuple[float, float]) -> st
     return f"{r.uniform(*a):.2f},{r.uniform(*a):.2f},{r.uniform(*b):.2f}"
 
 
+def _wings(
+    r: random.Random, areas: tuple[float, float], arms: tuple[float, float]
+) -> list[str]:
+    """One wing or a pair, turned to the Sun or fixed, of areas (m2) at arms (m)."""
+    wing = f"{r.uniform(*areas):.2f}m2 {r.uniform(*arms):.2f}m"
+    pair, fixed = r.choice(["2 x ", ""]), r.choice(["", "", " fixed +z"])
+    return ["--wings", f"{pair}{wing} {r.choice('xy')}{fixed}"]
+
+
 def facts(kind: str, r: random.Random) -> list[str]:
     """The options of `desat new craft` of a craft of a kind."""
     u = r.uniform
@@ -97,8 +106,9 @@ def facts(kind: str, r: random.Random) -> list[str]:
             "4 10N",
             "--dump",
             dump,
-            "--panel",
-            f"{u(8, 30):.1f}m2 {u(0.5, 2.0):.2f}m",
+            *_wings(r, (8, 30), (2.5, 5.0)),
+            "--dish",
+            f"{u(0.8, 2.0):.1f}m {r.choice(['+x', '-x'])} {u(1.6, 2.5):.1f}m",
             "--epoch",
             f"2027-{r.randint(1, 12):02d}-15",
         ]
@@ -135,8 +145,7 @@ def facts(kind: str, r: random.Random) -> list[str]:
             r.choice(["4 1N", "4 10N"]),
             "--dump",
             dump,
-            "--panel",
-            f"{u(4, 10):.1f}m2 {u(0.5, 1.2):.2f}m",
+            *_wings(r, (4, 10), (1.2, 2.5)),
         ]
     sun, pointing = u(0.7, 1.6), r.choice(["sun", "inertial"])
     kg_per_unit, units = u(1.1, 2.0), r.choice([6, 12, 16])  # as CubeSats are flown
@@ -155,8 +164,7 @@ def facts(kind: str, r: random.Random) -> list[str]:
         r.choice(["4 10mN", "4 50mN"]),
         "--dump",
         dump,
-        "--panel",
-        f"{u(0.3, 0.8):.2f}m2 {u(0.05, 0.2):.2f}m",
+        *_wings(r, (0.1, 0.4), (0.25, 0.5)),
     ]
 
 

@@ -304,7 +304,7 @@ def size(
     --------
     >>> sized = size("nadir_day/day-dipole", stop="2 orbits", year=False, laws=False, flown=False)
     >>> sized.answer
-    'nadir_day/day-dipole: rods of 0.168 A m2 are recommended: they hold ...'
+    'nadir_day/day-dipole holds with margins of 95 % of the wheels (a wheel lost, ...'
     """
     from .runs.program import options_of
     from .sizing import dumps, sizing

@@ -139,6 +139,9 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         shape=(16, 3),
         needs=("sun_eci",),
     )
+    offset_plates_body: Vec3 = Parameter(
+        "m", "centre of pressure beside the centre of mass: added to all plates, body"
+    )
     tau_disturbance_body: Vec3 = Parameter("N.m", "a constant external torque, body")
     angle_limit: float = Parameter(
         "rad",
@@ -158,7 +161,7 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         share = self.angle_limit / ANGLE_8
         self._limit4 = (ANGLE_4 * share**2) ** 5
         self._limit6 = (ANGLE_6 * share ** (4.0 / 3.0)) ** 7
-        self._plates = torques.plates_of(self.plates)
+        self._plates = torques.plates_of(self.plates, self.offset_plates_body)
         self._drives = torques.drives_of(self.plates, self.drive_plate)
         self._driven = any(self.drive_plate)
         self._sizes()
@@ -360,7 +363,7 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
                         flow, density, cd * self.area_drag, self.centre_drag_body
                     )
                     if drag == AREA
-                    else torques.drag_on_plates(flow, density, cd, plates)
+                    else torques.drag_on_plates(flow, density, cd, plates, drives)
                 )
             if light == NONE:
                 return total

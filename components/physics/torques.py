@@ -9,7 +9,7 @@ from math import sqrt
 
 from ..contract.block import BlockError, Mat33, Table, Vec3, Vec4
 from ..maths.attitude import rotate, rotate_back
-from ..maths.vector import ZERO, cross, dot, mat_vec, norm, scale, sub, unit
+from ..maths.vector import ZERO, add, cross, dot, mat_vec, norm, scale, sub, unit
 from .orbit import MU
 
 # N/m2, radiation pressure at 1 astronomical unit: 1367 W/m2, the only solar constant here,
@@ -59,16 +59,25 @@ def drag(v: Vec3, density: float, area_cd: float, centre: Vec3) -> Vec3:
 
 
 def drag_on_plates(
-    v: Vec3, density: float, drag_coefficient: float, plates: Plates
+    v: Vec3,
+    density: float,
+    drag_coefficient: float,
+    plates: Plates,
+    drives: tuple[Vec3, ...],
 ) -> Vec3:
     """Compute the aerodynamic torque (N m) on the plates that face the flow.
 
-    Sum of c x F with F = -1/2 rho C_d A (n.v) v.
+    Sum of c x F with F = -1/2 rho C_d A |n.v| v. A plate with a drive is a wing, which
+    the flow meets from both sides.
     """
     vx, vy, vz = v
-    x = y = z = 0.0  # the sum of A (n.v) c
-    for nx, ny, nz, area, cx, cy, cz, _, _, _, _, _ in plates:
+    x = y = z = 0.0  # the sum of A |n.v| c
+    for (nx, ny, nz, area, cx, cy, cz, _, _, _, _, _), drive in zip(
+        plates, drives, strict=True
+    ):
         facing = nx * vx + ny * vy + nz * vz
+        if facing < 0.0 and drive != ZERO:
+            facing = -facing
         if facing > 0.0:
             size = area * facing
             x, y, z = x + size * cx, y + size * cy, z + size * cz
@@ -151,8 +160,10 @@ def _unit_or_zero(row: Table) -> Vec3:
     return scale(1.0 / size, (x, y, z)) if size > 0.0 else ZERO
 
 
-def plates_of(table: Table) -> Plates:
+def plates_of(table: Table, offset: Vec3) -> Plates:
     """Read the plates of a table that have an area, with normals of length 1.
+
+    Their centres are moved by the offset (m).
 
     Raises
     ------
@@ -174,17 +185,18 @@ def plates_of(table: Table) -> Plates:
                 f"plates[{i + 1},8..9] = {specular}, {diffuse}: the specular and the diffuse share "
                 "are 0 or more and together 1 or less"
             )
-    return tuple(_plate(row) for row in rows if row[3] > 0.0)
+    return tuple(_plate(row, offset) for row in rows if row[3] > 0.0)
 
 
-def _plate(row: Table) -> Plate:
-    """Build a plate from a row of the parameter `plates`.
+def _plate(row: Table, offset: Vec3) -> Plate:
+    """Build a plate from a row of the parameter `plates`, moved by the offset (m).
 
     Unit normal n (1), area (m2), centre c (m), c x n (m), specular and diffuse shares
     of the reflected light (1).
     """
     nx, ny, nz, area, cx, cy, cz, specular, diffuse = row
     nx, ny, nz = unit((nx, ny, nz))
+    cx, cy, cz = add((cx, cy, cz), offset)
     mx, my, mz = cross((cx, cy, cz), (nx, ny, nz))
     return (nx, ny, nz, area, cx, cy, cz, mx, my, mz, specular, diffuse)
 

@@ -7,8 +7,10 @@ other.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 
 from desat.components.contract.roles import Manager
+from desat.components.physics.torques import PLATE_COLUMNS
 
 from ..system.model import Component, System
 from ..system.sensors import KNOWN, noise_of
@@ -90,15 +92,21 @@ def _drag(system: System) -> Iterator[str]:
         ]
         for option in ("aerodynamics", "zonals")
     )
-    for body in bodies:
-        by = body.choice("aerodynamics")
-        for orbit in orbits if by == BY_AREA else ():
-            for name in DRAG if orbit.values[DRAG[0]] > 0.0 else ():
-                its, other = orbit.values[name], body.values[name]
-                if abs(its - other) > 1e-9 * abs(other):
-                    place = orbit.origins.get(name, f"{system.place}: default")
-                    unit = " m2" if name == DRAG[0] else ""
-                    yield (
-                        f"{place}: {orbit.name}.{name} = {its:g}{unit}, but {body.name}.{name} "
-                        f"= {other:g}{unit}: the same drag has two different values"
-                    )
+    for body, orbit in product(bodies, orbits):
+        by, area = body.choice("aerodynamics"), DRAG[0]
+        if by == "none" or orbit.values[area] <= 0.0:
+            continue
+        for name in DRAG:
+            its, other = orbit.values[name], body.values[name]
+            of, low = f"{body.name}.{name}", other
+            if name == area and by != BY_AREA:
+                sides = [x for x in body.values["plates"][3::PLATE_COLUMNS] if x > 0.0]
+                of, low, other = "a side", min(sides), 0.5 * sum(sides)
+            if not low * (1.0 - 1e-9) <= its <= other * (1.0 + 1e-9):
+                place = orbit.origins.get(name, f"{system.place}: default")
+                unit = " m2" if name == area else ""
+                range_ = f"{low:g} to " if low < other else ""
+                yield (
+                    f"{place}: {orbit.name}.{name} = {its:g}{unit}, but {of} "
+                    f"= {range_}{other:g}{unit}: the same drag has two different values"
+                )

@@ -9,7 +9,7 @@ parameters of our spacecraft.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Any, NamedTuple
 
@@ -58,6 +58,7 @@ SERIES = (
 # rad: an attitude that stays this near to its mean for 95 % of the time can be flown on
 # another orbit
 WANDERS = 0.1
+NODES = 1440  # minimum number of rows of a day or orbit
 NODE_TIME = 10.0  # s, between the rows of the sources of a recorded run
 # Guidances whose attitude follows from the positions of craft and Sun, and its kind.
 GUIDED = {"guidance_sun": "sun", "guidance_yaw": "yaw"}
@@ -113,6 +114,9 @@ class Flight:
     r: Array  # (n + 1, 3) m, eci
     v: Array  # (n + 1, 3) m/s, eci
     omega: Array  # (n + 1, 3) rad/s, body
+    # inputs of the spacecraft and its attitude `q_bi` (rows, elements) at source_times;
+    # empty: they are not known
+    inputs: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def orbits_duration(self) -> float:
@@ -288,7 +292,7 @@ def flight_of(system: System, results: Any) -> Flight:
     rows = slice(0, n - 1)
     feeds = motion.feeds(system, "spacecraft")
     inputs = motion.recorded_inputs(results, feeds, rows) if feeds else None
-    at, sources = times[rows][::every], {}
+    at, sources, some = times[rows][::every], {}, {}
     if inputs is not None:
         some = {k: x[::every] for k, x in inputs.items()}
         sources = impulses(system, some, q[rows][::every], at)
@@ -318,15 +322,25 @@ def flight_of(system: System, results: Any) -> Flight:
         r,
         v,
         omega,
+        some and some | {"q_bi": q[rows][::every]},
     )
 
 
-def torques(system: System, inputs: dict[str, Array], q: Array) -> dict[str, Array]:
+def torques(
+    system: System,
+    inputs: Mapping[str, Array],
+    q: Array,
+    changes: Values | None = None,
+    only: str | None = None,
+) -> dict[str, Array]:
     """Compute the torque (rows, 3) N m, eci, of each source on a spacecraft of ours.
 
-    The inputs are (rows, elements) each.
+    The inputs are (rows, elements) each. `changes` are values of parameters in place of
+    the craft's, and `only` is the single source that is wanted.
     """
-    parameters = table([system.components["spacecraft"]])["spacecraft"]
+    parameters = dict(table([system.components["spacecraft"]])["spacecraft"])
+    for name, value in (changes or {}).items():
+        parameters[name] = replace(parameters[name], value=value)
     off: Values = {
         "gravity_gradient": False,
         "aerodynamics": "none",
@@ -349,6 +363,8 @@ def torques(system: System, inputs: dict[str, Array], q: Array) -> dict[str, Arr
     keys = dict(zip(SOURCES, list(off)[:4], strict=True))
     contributions = {}
     for name, key in keys.items():
+        if only not in (None, name):
+            continue
         on = {key: parameters[key]} if key in parameters else {}
         if key == "gravity_gradient" and key not in parameters:
             on = {key: Parameter(True, "1")}  # the body has no switch: it always acts
@@ -356,7 +372,7 @@ def torques(system: System, inputs: dict[str, Array], q: Array) -> dict[str, Arr
             q, motion.torque({**parameters, **still, **on}, quiet, 0.0)(0.0, q)
         )
     constant = np.asarray(parameters["tau_disturbance_body"].value, float)
-    if constant.any():
+    if constant.any() and only in (None, "constant"):
         contributions["constant"] = rotate_back(
             q, np.broadcast_to(constant, (len(q), 3))
         )
@@ -664,4 +680,20 @@ def flown_at(
         r,
         v,
         omega,
+        {**inputs, **loose, "q_bi": q},
     )
+
+
+def fly_days(system: System, attitude: Attitude, since: float = 0.0) -> Flight:
+    """Fly whole orbits at the wanted attitude, `since` (s) after the start.
+
+    They take about a day, or one orbit if that is longer.
+    """
+    begin = system.start + since
+    block = environment_block(system.components["environment"], needless(system))
+    first = inputs_at(block, [begin])
+    period = motion.period_of(first["r_eci"][0], first["v_eci"][0])
+    orbits = max(1, round(86400.0 / period))
+    times = begin + np.linspace(0.0, orbits * period, max(orbits * 90, NODES) + 1)
+    block = environment_block(system.components["environment"], needless(system))
+    return flown_at(system, attitude, inputs_at(block, times.tolist()), times)

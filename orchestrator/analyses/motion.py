@@ -164,6 +164,7 @@ _ALWAYS: dict[str, Any] = {
     "residual_dipole_body": [0.0, 0.0, 0.0],
     "gravity_gradient": True,
     "plates": [],
+    "offset_plates_body": [0.0, 0.0, 0.0],
     "drive_plate": [],
     "aerodynamics": "none",
     "radiation": "none",
@@ -275,7 +276,8 @@ class _ExternalTorque:
         self._inertia = np.reshape(values["inertia"], (3, 3))
         distance = np.linalg.norm(x["r_eci"], axis=1, keepdims=True)
         self._fall = -MU * x["r_eci"] / distance**3  # m/s2, eci
-        self._plates = np.reshape(values["plates"], (-1, PLATE_COLUMNS))
+        self._plates = np.array(values["plates"], float).reshape(-1, PLATE_COLUMNS)
+        self._plates[:, 4:7] += values["offset_plates_body"]
         # plates that have an area
         self._used = [k for k in range(len(self._plates)) if self._plates[k, 3] > 0.0]
         drives = np.reshape(values["drive_plate"], (-1, 3))
@@ -331,7 +333,8 @@ class _ExternalTorque:
         total = np.zeros_like(v)
         for k in self._used:
             plate = self._plates[k]
-            facing = np.maximum((v * self._normal(k, sun)).sum(axis=1), 0.0)[:, None]
+            facing = (v * self._normal(k, sun)).sum(axis=1, keepdims=True)
+            facing = np.abs(facing) if k in self._axes else np.maximum(facing, 0.0)
             total += cross(plate[4:7], head * plate[3] * facing * v)
         return total
 
@@ -361,11 +364,13 @@ class _ExternalTorque:
     def _normal(self, k: int, sun: Array) -> Array:
         """Compute the normals (rows, 3) of a plate, body.
 
-        Its drive turns it to the Sun (rows, 3), body.
+        Its drive turns it to the Sun (rows, 3), body, unless the Sun is along its axis.
         """
+        normal = self._plates[k, :3]
+        at_rest = np.broadcast_to(normal / np.linalg.norm(normal), sun.shape)
         if k not in self._axes:
-            normal = self._plates[k, :3]
-            return np.broadcast_to(normal / np.linalg.norm(normal), sun.shape)
+            return at_rest
         axis = self._axes[k]
         across = sun - np.outer(sun @ axis, axis)
-        return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
+        size = np.linalg.norm(across, axis=1, keepdims=True)
+        return np.where(size > 0.0, across / np.where(size > 0.0, size, 1.0), at_rest)

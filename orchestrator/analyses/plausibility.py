@@ -30,16 +30,14 @@ LARGEST_TANK = 0.9  # share of the mass
 # 40 kg for 4,000 (makers' data)
 ROD_MASS = 0.075
 LARGEST_ROD = 0.1  # share of the mass, each
-LARGEST_PULSE = 0.25  # share of a wheel's capacity, for the shortest pulse of thrusters
-# parameter of the spacecraft that a source of torque follows from
-CAUSES = {
-    "gravity gradient": "inertia",
-    "drag": "area_drag",
-    "radiation": "area_radiation",
-    "residual dipole": "residual_dipole_body",
-    "constant": "tau_disturbance_body",
+# parameters of torques on an area, and the option that makes them act
+ON_AREA = {
+    "area_drag": "aerodynamics",
+    "centre_drag_body": "aerodynamics",
+    "area_radiation": "radiation",
+    "centre_radiation_body": "radiation",
 }
-NO_TORQUE = 1e-15  # N m: below it a disturbance is rounding alone
+LARGEST_PULSE = 0.25  # share of a wheel's capacity, for the shortest pulse of thrusters
 
 
 def warnings(system: System) -> Iterator[str]:
@@ -50,6 +48,7 @@ def warnings(system: System) -> Iterator[str]:
         yield from _dumps(system, wheels)
         yield from _momentum_target(system, wheels)
     yield from _coils(system)
+    yield from _surfaces(system)
     yield from _thrusters(system)
     yield from _controller(system)
     if (table := craft_of(system).disturbance) is not None:
@@ -78,6 +77,24 @@ def _body(system: System) -> Iterator[str]:
             f"{place_of(system, thrusters, 'tank')}: {thrusters.name}.tank = {tank:g} kg in a craft "
             f"of {system.body.mass:g} kg"
         )
+
+
+def _surfaces(system: System) -> Iterator[str]:
+    """Find what an option gives of surfaces that the torques do not act on."""
+    craft = craft_of(system).spacecraft
+    if craft is None or "plates" not in craft.values:
+        return
+    modes = {option: craft.choice(option) for option in ("aerodynamics", "radiation")}
+    of_plates = dict.fromkeys(("plates", "drive_plate", "offset_plates_body"), "plates")
+    acting = set(modes.values())
+    for name, mode in {**of_plates, **ON_AREA}.items():
+        acts = mode in acting if mode == "plates" else modes[mode] == "area"
+        place = craft.origins.get(name, "")
+        if place.startswith("--") and not acts:
+            yield (
+                f"{place}: no torque acts on it: "
+                f"{', '.join(f'{k} = {x}' for k, x in modes.items())}"
+            )
 
 
 def _dumps(system: System, wheels: WheelArray) -> Iterator[str]:

@@ -41,7 +41,8 @@ ROWS = 37  # samples of an orbit
 LARGEST_FIELD = 6e-5  # T, at the ground near a pole
 # share of a wheel up to which an upper estimate of an orbit's momentum is enough
 HARMLESS = 0.5
-# parameter of the spacecraft that a source of torque follows from
+# parameter of the spacecraft that a source of torque follows from, drag and light on
+# an area
 CAUSES = {
     "gravity gradient": "inertia",
     "drag": "area_drag",
@@ -169,7 +170,11 @@ def _largest_source(
     name = max(sizes, key=sizes.__getitem__)
     if name == TABLE_TORQUE and (table := craft_of(system).disturbance) is not None:
         return place_of(system, table, "torque"), name
-    return place_of(system, craft, CAUSES.get(name, "inertia")), name
+    cause = CAUSES.get(name, "inertia")
+    options = {"drag": "aerodynamics", "radiation": "radiation"}
+    if name in options and craft.choice(options[name]) == "plates":
+        cause = "plates"
+    return place_of(system, craft, cause), name
 
 
 def _growth(flight: Flight, wheels: WheelArray) -> float:

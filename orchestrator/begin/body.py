@@ -15,6 +15,8 @@ from ..system.body import DENSITY, Body, contradictions, homogeneous_inertia
 from ..system.errors import DesatError
 from ..system.quantity import Quantity
 from .facts import CraftFacts
+from .spread import class_factor, combine_factors, parse_values
+from .surfaces import Part, Sides, parts_of
 
 UNIT_MASS = 1.5  # kg, of one unit of a CubeSat
 CUBESATS = {
@@ -31,14 +33,14 @@ MASS = Quantity("--mass", "kg", 0.0, 1e6, above=True, bare=False)
 BOX = Quantity("--box", "m", 0.0, 100.0, above=True, noun="sides")
 INERTIA = Quantity("--inertia", "kg.m2", 0.0, 1e9, above=True, noun="moments")
 
-Sides = tuple[float, float, float]
-
 
 @dataclass(frozen=True)
 class NewBody(Body):
     """Body of a new craft, with the origin of each figure."""
 
     inertia: Sides  # kg m2, principal moments
+    spread: float  # of the inertia as a factor, 90 %; 1: it is known
+    parts: tuple[Part, ...]  # wings and dish, which are in mass and inertia
     mass_from: str
     sides_from: str
     inertia_from: str
@@ -54,10 +56,11 @@ def body_of(facts: CraftFacts) -> NewBody:
         If sides, mass and moments of inertia contradict each other or no craft can have
         them.
     """
-    inertia = None if facts.inertia is None else _moments(facts.inertia)
-    mass = None if facts.mass is None else MASS(facts.mass)
+    inertia, spread = None, 1.0
+    if facts.inertia is not None:
+        inertia, spread = _moments(facts.inertia)
+    mass, mass_from, mass_spread = _given_mass(facts)
     sides, sides_from, shape, units = _given_sides(facts)
-    mass_from = "given"
     if mass is None and sides is None and inertia is not None:
         # a cube of side s has m s^2 / 6 about each axis, and m = density s^3
         side = (6.0 * sum(inertia) / 3.0 / DENSITY) ** 0.2
@@ -76,14 +79,47 @@ def body_of(facts: CraftFacts) -> NewBody:
         per = f"{UNIT_MASS:g} kg a unit" if units else f"{DENSITY:g} kg/m3"
         mass_from = f"class: {per}"
     shape = shape or "a box of " + " x ".join(f"{x:.4g}" for x in sides) + " m"
-    inertia_from = "given"
+    parts, inertia_from = parts_of(facts, sides, mass), "given"
     if inertia is None:
-        inertia = homogeneous_inertia(mass, sides)
-        inertia_from = f"a homogeneous body of {mass:.4g} kg, {shape}"
-    body = NewBody(mass, sides, inertia, mass_from, sides_from, inertia_from, shape)
+        inertia, inertia_from = _inertia(mass, sides, shape, parts)
+        spread = combine_factors(class_factor("inertia"), mass_spread)
+    body = NewBody(
+        mass,
+        sides,
+        inertia,
+        spread,
+        parts,
+        mass_from,
+        sides_from,
+        inertia_from,
+        shape,
+    )
     for line in contradictions(body, inertia):
         raise DesatError(f"{_options(facts)}: {line}")
     return body
+
+
+def _given_mass(facts: CraftFacts) -> tuple[float | None, str, float]:
+    """Return the given mass (kg), its origin, and its spread as a factor."""
+    if facts.mass is None:
+        return None, "", 1.0
+    mass = parse_values(MASS, facts.mass)
+    if len(mass.values) > 1:
+        raise DesatError(f"--mass {facts.mass}: one mass is needed")
+    return mass.values[0], ", ".join(filter(None, ("given", mass.text))), mass.share
+
+
+def _inertia(
+    mass: float, sides: Sides, shape: str, parts: tuple[Part, ...]
+) -> tuple[Sides, str]:
+    """Return the moments (kg m2) of a homogeneous body with wings and dish."""
+    rest = mass - sum(part.mass for part in parts)
+    a, b, c = homogeneous_inertia(rest, sides)
+    for part in parts:
+        x, y, z = part.inertia
+        a, b, c = a + x, b + y, c + z
+    text = f"a homogeneous body of {rest:.4g} kg, {shape}"
+    return (a, b, c), text + (", with wings and dish" if parts else "")
 
 
 def _options(facts: CraftFacts) -> str:
@@ -130,9 +166,13 @@ def _given_sides(facts: CraftFacts) -> tuple[Sides | None, str, str, int]:
     )
 
 
-def _moments(text: str) -> Sides:
-    """Parse principal moments (kg m2), or raise DesatError if no body has them."""
-    values = INERTIA.many(text)
+def _moments(text: str) -> tuple[Sides, float]:
+    """Parse principal moments (kg m2) and their spread as a factor.
+
+    Raises DesatError if no body has them.
+    """
+    moments = parse_values(INERTIA, text)
+    values = moments.values
     if len(values) != 3:
         raise DesatError(f"--inertia {text}: three moments are needed, as 0.2,0.2,0.1")
     if max(values) > sum(values) - max(values):
@@ -141,4 +181,4 @@ def _moments(text: str) -> Sides:
             "the two others together"
         )
     a, b, c = values
-    return a, b, c
+    return (a, b, c), moments.share

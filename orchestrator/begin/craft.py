@@ -6,12 +6,12 @@ It holds `craft.toml` with the origin of every number, and the scenarios `nomina
 
 Rules, each written beside its number:
 
-- inertia: a homogeneous box of the craft's mass and sides;
-- drag and radiation: the mean area of the box seen from all sides, half the sum of its
-  three faces; centre of pressure off by 5 % of each side;
+- inertia: a homogeneous box of the craft's mass and sides, with its wings and dish;
+- drag and radiation: on the faces of the box, wings and dish as each is turned to wind
+  and Sun; centre of pressure off by 5 % of each side (surfaces.py);
 - residual dipole: 5 mA m2 a kilogram, along (1, -0.5, 0.8);
 - wheels: at least the momentum that residual dipole and gravity gradient exchange with
-  them each orbit;
+  them each orbit, those of the class with the dipole at its unfavourable end;
 - attitude controller: bandwidth 0.1 rad/s, or less where the wheels' torque would not
   turn an error of 5 deg so fast; damping 0.7; integral ten times slower;
 - manager: gain equal to the orbit rate; B-dot: BRAKING orbit rates times the mean
@@ -31,8 +31,9 @@ from __future__ import annotations
 import math
 import re
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -45,7 +46,6 @@ from desat.components.contract.block import Vec4
 from desat.components.maths.attitude import matrix, product
 from desat.components.physics import atmosphere
 from desat.components.physics.orbit import EARTH_RADIUS, MU
-from desat.components.physics.torques import SOLAR_PRESSURE
 
 from ..files import io
 from ..files.hardware import (
@@ -68,15 +68,22 @@ from ..system.sampled_loop import (
     worst_momentum,
 )
 from . import coils
-from .body import body_of
+from .body import NewBody, body_of
 from .facts import CraftFacts
 from .orbits import Orbit, epoch_of, orbit_of
+from .spread import class_factor, format_spread, parse_values
+from .surfaces import AROUND, Surfaces, surfaces_of
 from .torques import GivenTorque, given_torque
 
 Array = NDArray[np.float64]
 # the last two only for a craft with rods
 SCENARIOS = ("nominal", "worst", "detumbling", "rollout")
 LAYOUTS = ("pyramid", "axes")
+_S = 1.0 / math.sqrt(3.0)
+# axes of wheels, body
+PYRAMID = [[_S, -_S, -_S, _S], [_S, _S, -_S, -_S], [_S, _S, _S, _S]]
+ORTHOGONAL = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]
+HELD = 1.6  # class wheels over the cyclic momentum of a dipole at its end
 POINTINGS = ("nadir", "inertial", "sun", "yaw")
 # B-dot gain divided by mean moment of inertia, in units of the orbit rate. Of gains
 # from 0.003 to 0.03 1/s, flown on 24 random crafts of 1U to 150 kg, it is within 1.3 of
@@ -105,9 +112,8 @@ WHEEL_TIME = 30.0  # s: time constant of the wheels' law of detumbling
 WHEELS = Quantity("--wheels", "N.m.s", 0.0, 1e5, above=True, bare=False)
 RODS = Quantity("--rods", "A.m2", 0.0, 1e5, above=True)
 THRUSTERS = Quantity("--thrusters", "N", 0.0, 1e5, above=True, bare=False)
-RESIDUAL = Quantity("--residual-dipole", "A.m2", 0.0, 1e4)
-PANEL = Quantity("--panel", "m2", 0.0, 1e4, above=True)
-ARM = Quantity("--panel", "m", 0.0, 100.0)
+RESIDUAL = Quantity("--residual-dipole", "A.m2", -1e4, 1e4)
+DRAG_COEFFICIENT = 2.2  # as spacecraft_rigid has it
 PROPELLANT = Quantity("--propellant", "kg", 0.0, 1e5, above=True, bare=False)
 ISP = Quantity("--isp", "s", 1.0, 1e4, bare=False)
 SAMPLE = Quantity("--sample", "s", 0.01, 10.0, bare=False)
@@ -129,6 +135,7 @@ class NewWheels:
     axes_si: list[list[float]]  # (3, 4), body; zero where there is no wheel
     axes: list[str]  # rows of axes_si
     layout_why: str
+    size_why: str
     null: bool  # whether the wheels have a null space
     capacity: str
     speed: str  # maximum
@@ -143,7 +150,6 @@ class NewWheels:
     lag: str
     compensation: str
     noise: str  # N m s, of the measured momentum
-    half: str  # half the capacity of each
 
 
 @dataclass(frozen=True)
@@ -258,6 +264,19 @@ def _assumptions_of_thrusters(
         yield Assumption("propellant", number, unit, "given")
 
 
+def _assumptions_of_surfaces(surfaces: Surfaces) -> Iterator[Assumption]:
+    """Yield the figures of faces, wings and dish."""
+    if surfaces.faces:
+        areas = ", ".join(_text(plate.area) for plate in surfaces.faces[::2])
+        yield Assumption("faces across x, y, z", areas, "m2", "its sides")
+    for part in surfaces.parts:
+        text = f"{part.area:.4g} at {part.arm:.4g} m, {part.mass:.4g} kg"
+        yield Assumption(part.name, text, "m2", part.origin)
+    if surfaces.plates:
+        offset = ", ".join(_text(x) for x in surfaces.offset)
+        yield Assumption("centre of pressure", offset, "m", surfaces.offset_from)
+
+
 def _removing_actuator(dump: NewDumps | None) -> Assumption:
     """Say which actuator of a craft with rods and thrusters removes momentum."""
     title = "momentum is removed by"
@@ -288,8 +307,7 @@ def _assumptions(facts: CraftFacts, values: Mapping[str, Any]) -> Iterator[Assum
         "wheels",
         f"{wheels.count} x {wheels.capacity_si:g}",
         "N m s",
-        f"{'torque' if facts.wheels else 'class: 1 deg/s of the craft, thrice'}; "
-        f"{wheels.layout_why}",
+        f"{wheels.size_why}; {wheels.layout_why}",
     )
     yield Assumption(
         "torque of a wheel", f"{wheels.torque_si:.3g}", "N m", wheels.origin
@@ -301,28 +319,19 @@ def _assumptions(facts: CraftFacts, values: Mapping[str, Any]) -> Iterator[Assum
     if sources.dipole:
         yield Assumption(
             "residual dipole",
-            values["dipole"]["size"],
+            _text(values["dipole"].size),
             "A m2",
-            values["dipole"]["origin"],
+            values["dipole"].origin,
         )
-    if sources.air:
-        yield Assumption(
-            "area for drag", values["area"]["value"], "m2", values["area"]["why"]
-        )
-    if sources.light:
-        yield Assumption(
-            "area for radiation", values["light"]["area"], "m2", values["light"]["why"]
-        )
-        yield Assumption(
-            "its centre of pressure",
-            values["light"]["centre"].strip("[]"),
-            "m",
-            "given" if facts.panel else "class: 5 % of each side",
-        )
+    yield from _assumptions_of_surfaces(values["surfaces"])
     if (torque := sources.torque) is not None:
         yield Assumption(
             "torque, mean size", f"{torque.size:.4g}", "N m", f"given: {torque.option}"
         )
+    for name, spread, origin in values["spreads"]:
+        if spread:
+            title = f"spread of {name.partition('.')[2]}"
+            yield Assumption(title, spread.strip("{ }"), "90 %", origin)
     yield from _assumptions_of_thrusters(values["thrusters"])
     if values["rods"] and values["thrusters"]:
         yield _removing_actuator(values["dump"])
@@ -410,14 +419,26 @@ def _template_values(
             f"--pointing {pointing}: there is no Earth about the Sun; sun and "
             "inertial are left"
         )
-    wheels = _wheels(facts, inertia)
+    outer = given_torque(facts)
+    surfaces = surfaces_of(facts, sides, body.parts, outer is None)
+    sources = Sources(
+        dipole=orbit.of_earth and (outer is None or facts.residual_dipole is not None),
+        air=orbit.air and outer is None,
+        light=bool(surfaces.plates),
+        torque=outer,
+    )
+    dipole = _dipole(facts, mass, dipole_sign) if sources.dipole else NO_DIPOLE
+    start = _start(pointing, orbit)
+    cycle = partial(_cycle, pointing, orbit, inertia, start)
+    wheels = _wheels(facts, inertia, _mass_class(mass), cycle, dipole)
     rods = _rods(facts, mass, sides, orbit)
     thrusters = _thrusters(facts, sides)
     if facts.propellant is not None and PROPELLANT(facts.propellant) > 0.9 * mass:
         raise DesatError(
             f"--propellant {facts.propellant}: more than 90 % of {mass:g} kg"
         )
-    step = _step(orbit, inertia, wheels.torque_si, sides, pointing in ("nadir", "yaw"))
+    turns = pointing in ("nadir", "yaw")
+    step = _step(orbit, inertia, wheels.torque_si, surfaces, turns)
     given_sample = None if facts.sample is None else _given_sample(facts.sample)
     step = step if given_sample is None else given_sample
     quick = 0.1 / step
@@ -434,29 +455,8 @@ def _template_values(
     )
     limits = _limits(mass, orbit, thrusters)
     dump = _dump(facts, wheels, thrusters, rods is not None, min(inertia), step)
-    dipole = 0.005 * mass
-    origin = "class: 5 mA m2 a kilogram, no magnetic cleanliness"
-    if facts.residual_dipole is not None:
-        dipole = RESIDUAL(facts.residual_dipole)
-        origin = "given"
-    outer = given_torque(facts)
-    sources = Sources(
-        dipole=orbit.of_earth and (outer is None or facts.residual_dipole is not None),
-        air=orbit.air and outer is None,
-        light=outer is None or facts.panel is not None,
-        torque=outer,
-    )
-    dipole = dipole if sources.dipole else 0.0
-    length = math.copysign(math.sqrt(1.0 + 0.25 + 0.64), dipole_sign)
-    along = [x / length for x in (1.0, -0.5, 0.8)]
-    start = _start(pointing, orbit)
-    if orbit.eccentricity < 0.1 and orbit.of_earth:
-        _holds(pointing, orbit, inertia, wheels, [dipole * x for x in along], start)
-    faces = [sides[1] * sides[2], sides[2] * sides[0], sides[0] * sides[1]]
-    area = sum(faces) / 2.0
     enough = bandwidth == quick
     rate = orbit.rate if orbit.of_earth else QUICKEST
-    light, centre, centre_why = _radiation(facts, area, sides)
     tumble = 5.0 if mass < 50.0 else 1.0
     return {
         "title": name,
@@ -485,7 +485,12 @@ def _template_values(
         "substeps": _substeps(step, wheels.torque_si / min(inertia), dump),
         "accuracy": f"{_accuracy(limits['pointing']):.3g}",
         "stop": _stop(
-            orbit, dump, _secular(orbit, sources, light, centre, dipole), step
+            orbit,
+            dump,
+            _secular(
+                orbit, sources, surfaces, dipole.size, _suns(pointing, orbit, start)
+            ),
+            step,
         ),
         "inertia": {
             "value": "["
@@ -509,27 +514,14 @@ def _template_values(
         "dump": dump,
         "gyro": _gyro(),
         "star_tracker": classes()["star_trackers"]["cubesat"],
-        "dipole": {
-            "value": _list(dipole * x for x in along),
-            "why": f"A m2; {origin}; direction assumed, with the worse sign",
-            "size": _text(dipole),
-            "origin": origin,
-            "twice": _list(2.0 * dipole * x for x in along),
-        },
-        "area": {
-            "value": _text(area),
-            "why": f"class: mean over all sides of {body.shape}",
-        },
-        "light": {
-            "area": _text(light),
-            "more": _text(1.3 * light),
-            "centre": _list(centre),
-            "why": centre_why,
-        },
-        "centre": {
-            "value": _list(0.05 * x for x in sides),
-            "why": "m; class: 5 % of each side",
-        },
+        "dipole": dipole,
+        "dipole_list": _list(dipole.vector),
+        "surfaces": surfaces,
+        "plates": [_list(row) for row in surfaces.table],
+        "drives": [_list(plate.drive) for plate in surfaces.plates],
+        "offset": _list(surfaces.offset),
+        "spreads": list(_spreads(body, dipole, surfaces, sources)),
+        "ends": _ends(orbit, dipole, surfaces, sources),
         "gains": {
             "bandwidth": _text(bandwidth),
             **{
@@ -574,23 +566,100 @@ def _rollout(
     }
 
 
-def _radiation(
-    facts: CraftFacts, area: float, sides: tuple[float, float, float]
-) -> tuple[float, list[float], str]:
-    """Return area (m2) and centre (m, body) of radiation pressure, and their origin."""
-    if facts.panel is None:
-        return (
-            1.5 * area,
-            [0.05 * x for x in sides],
-            "as for drag; half of the light is mirrored",
+class Dipole(NamedTuple):
+    """Residual dipole of a new craft."""
+
+    vector: tuple[float, float, float]  # A m2, body
+    origin: str
+    # its entry of [dispersions], and the factor to its unfavourable end
+    spread: str = ""
+    end: float = 1.0
+
+    @property
+    def size(self) -> float:
+        """Return its size (A m2)."""
+        return math.hypot(*self.vector)
+
+
+NO_DIPOLE = Dipole((0.0, 0.0, 0.0), "")
+
+
+def _dipole(facts: CraftFacts, mass: float, sign: float) -> Dipole:
+    """Return the residual dipole of a new craft of a mass (kg).
+
+    Where only its size is known, `sign` is that along its assumed direction.
+    """
+    along = np.array([1.0, -0.5, 0.8])
+    along *= sign / np.linalg.norm(along)
+    if facts.residual_dipole is None:
+        figures = classes()["dipoles"][_mass_class(mass)]
+        share = quantity("", figures["share"], "A.m2")
+        factor = quantity("", figures["factor"], "1")
+        x, y, z = (mass * share * along).tolist()
+        return Dipole(
+            (x, y, z),
+            f"class: {1e3 * share:g} mA m2 a kilogram; its direction is assumed",
+            format_spread(factor, direction=mass * share),
+            factor,
         )
-    match = re.fullmatch(r"\s*([\d.eE+-]+)\s*m2\s+([\d.eE+-]+)\s*m\s*", facts.panel)
-    if match is None:
+    dipole = parse_values(RESIDUAL, facts.residual_dipole)
+    if len(dipole.values) == 1:
+        size = replace(RESIDUAL, least=0.0)(dipole.values[0])
+        x, y, z = (size * along).tolist()
+        spread = format_spread(dipole.share, direction=size)
+        return Dipole(
+            (x, y, z), "given; its direction is assumed", spread, dipole.share
+        )
+    if len(dipole.values) != 3:
         raise DesatError(
-            f"--panel {facts.panel}: area and arm are needed, as '13m2 1.35m'"
+            f"--residual-dipole {facts.residual_dipole}: one size, or three numbers x,y,z "
+            "are needed"
         )
-    size, arm = PANEL(match[1]), ARM(match[2])
-    return size, [0.0, -arm, 0.0], "given: one panel, on -y, which follows the Sun"
+    x, y, z = dipole.values
+    return Dipole(
+        (x, y, z),
+        "given",
+        format_spread(dipole.factor, dipole.plus_minus),
+        dipole.share,
+    )
+
+
+def _spreads(
+    body: NewBody, dipole: Dipole, surfaces: Surfaces, sources: Sources
+) -> Iterator[tuple[str, str, str]]:
+    """Yield what is not known for sure: parameter, entry of [dispersions] and its reason."""
+    if surfaces.plates:
+        cp = surfaces.offset_given
+        entry = format_spread(class_factor("offset"))
+        reason = "class: dump intervals that flew"
+        if cp is not None:
+            size = cp.values[0] if len(cp.values) == 1 else 0.0
+            entry, reason = format_spread(cp.factor, cp.plus_minus, size), "given"
+            if len(cp.values) == 1:
+                entry = format_spread(cp.share, direction=size)
+        yield "spacecraft.offset_plates_body", entry, reason
+    if sources.air:
+        reason = "class: density and drag coefficient"
+        yield "spacecraft.drag_coefficient", format_spread(class_factor("drag")), reason
+    if sources.dipole and dipole.size > 0.0:
+        yield "spacecraft.residual_dipole_body", dipole.spread, dipole.origin
+    yield "spacecraft.inertia", format_spread(body.spread), body.inertia_from
+
+
+def _ends(
+    orbit: Orbit, dipole: Dipole, surfaces: Surfaces, sources: Sources
+) -> dict[str, str]:
+    """Return what is uncertain at its unfavourable end, as texts for `worst.toml`."""
+    ends = {}
+    if surfaces.plates:
+        cp = surfaces.offset_given
+        factor = class_factor("offset") if cp is None else cp.share
+        ends["offset_plates_body"] = _list(factor * x for x in surfaces.offset)
+    if sources.air and orbit.of_tle:  # of others the Sun is active
+        ends["drag_coefficient"] = _text(DRAG_COEFFICIENT * class_factor("drag"))
+    if sources.dipole and dipole.size > 0.0:
+        ends["residual_dipole_body"] = _list(dipole.end * x for x in dipole.vector)
+    return ends
 
 
 @dataclass(frozen=True)
@@ -617,8 +686,9 @@ def _worse(orbit: Orbit, sources: Sources) -> list[str]:
     """List what is worse in the worst scenario, as texts."""
     worse = ["1.3 times the torque"] * (sources.torque is not None)
     worse += ["high solar activity"] * (sources.air and not orbit.of_tle)
-    worse += ["1.3 times the light"] * (sources.light and not sources.air)
-    return worse + ["twice the residual dipole"] * sources.dipole
+    if sources.light or sources.dipole:
+        worse.append("what is assumed at its unfavourable end")
+    return worse
 
 
 def _start(pointing: str, orbit: Orbit) -> dict[str, Any]:
@@ -647,19 +717,33 @@ def _start(pointing: str, orbit: Orbit) -> dict[str, Any]:
     }
 
 
+def _suns(
+    pointing: str, orbit: Orbit, start: Mapping[str, Any]
+) -> list[Sequence[float]]:
+    """Return the directions (unit vectors, body) from which the Sun shines.
+
+    They are all where the craft turns against it.
+    """
+    if pointing in ("sun", "inertial"):
+        return [(start["turned"] @ np.array(orbit.sun)).tolist()]
+    return list(AROUND)
+
+
 def _secular(
-    orbit: Orbit, sources: Sources, area: float, centre: list[float], dipole: float
+    orbit: Orbit,
+    sources: Sources,
+    surfaces: Surfaces,
+    dipole: float,
+    suns: Sequence[Sequence[float]],
 ) -> float:
     """Estimate the secular torque (N m).
 
     It is the sum of radiation, a tenth of the residual dipole's torque in the field of
-    a circular orbit, and the given torque.
+    a circular orbit, and the given torque. Light from all around leaves a half.
     """
-    light = (
-        orbit.light * SOLAR_PRESSURE * area * math.hypot(*centre)
-        if sources.light
-        else 0.0
-    )
+    light = 0.0
+    if sources.light:
+        light = orbit.light * surfaces.light(suns) * (1.0 if len(suns) == 1 else 0.5)
     light += 0.0 if sources.torque is None else sources.torque.size
     if not orbit.of_earth or orbit.eccentricity > 0.1:
         return light
@@ -671,7 +755,7 @@ def _step(
     orbit: Orbit,
     inertia: list[float],
     torque: float,
-    sides: tuple[float, float, float],
+    surfaces: Surfaces,
     turns: bool,
 ) -> float:
     """Choose the step (s).
@@ -682,15 +766,14 @@ def _step(
     """
     if orbit.period < SLOW:
         return 1.0
-    (r, v), (a, b, c) = orbit.state, sides
-    lever = 0.05 * math.hypot(a, b, c)
-    area, speed = (a * b + b * c + c * a) / 2.0, math.sqrt(sum(x * x for x in v))
+    r, v = orbit.state
+    speed = math.sqrt(sum(x * x for x in v))
     air = (
         atmosphere.table(math.sqrt(sum(x * x for x in r)) - EARTH_RADIUS)
-        if orbit.air
+        if orbit.air and surfaces.faces
         else 0.0
     )
-    wind = 1.1 * air * speed * speed * area * lever
+    wind = 0.5 * DRAG_COEFFICIENT * air * speed * speed * surfaces.lever if air else 0.0
     # the controller's bandwidth w is a tenth of the sample rate, its stiffness J w^2
     return next(
         (
@@ -796,15 +879,18 @@ def _stable_sample(
     return sample_time
 
 
+def _mass_class(mass: float) -> str:
+    """Return the class of a craft of a mass (kg): nano, small or large."""
+    lightest = classes()["requirements"].items()
+    return [n for n, x in lightest if quantity("", x["mass"], "kg") <= mass][-1]
+
+
 def _limits(
     mass: float, orbit: Orbit, thrusters: Mapping[str, str] | None
 ) -> dict[str, str]:
     """Return the limits of the scenarios as texts, by the mass class."""
-    class_limits = classes()["requirements"]
-    name = [
-        n for n, x in class_limits.items() if quantity("", x["mass"], "kg") <= mass
-    ][-1]
-    figures = class_limits[name]
+    name = _mass_class(mass)
+    figures = classes()["requirements"][name]
     limits = {
         key: f"{quantity('', figures[key], unit):g}"
         for key, unit in (
@@ -963,15 +1049,20 @@ def _thresholds(text: str) -> tuple[float, float, str, bool]:
     return begin, end, match[1], bool(match[5])
 
 
-def _holds(
+def _cycle(
     pointing: str,
     orbit: Orbit,
     inertia: list[float],
-    wheels: NewWheels,
-    dipole: list[float],
     start: Mapping[str, Any],
-) -> None:
-    """Raise DesatError if the fullest wheel cannot hold an orbit's cyclic momentum."""
+    axes: list[list[float]],
+    dipole: Sequence[float],
+) -> float:
+    """Return an orbit's cyclic momentum in the fullest wheel (N m s).
+
+    0 on an ellipse, and about the Sun.
+    """
+    if orbit.eccentricity >= 0.1 or not orbit.of_earth:
+        return 0.0
     a, b, c = inertia
     to_earth = pointing in ("nadir", "yaw")
     momentum = cyclic.momentum(
@@ -982,20 +1073,39 @@ def _holds(
         dipole,
         None if to_earth else start["turned"],
     )
-    needs, has = cyclic.fullest(np.array(wheels.axes_si), momentum), wheels.capacity_si
-    if needs > has:
-        raise DesatError(
-            f"--wheels: {cyclic.shortfall(needs, has)}: take at least "
-            f"{1.3 * needs * 1e3:.2g} mN m s, "
-            "or a smaller --residual-dipole"
-        )
+    return cyclic.fullest(np.array(axes), momentum)
 
 
-def _wheels(facts: CraftFacts, inertia: list[float]) -> NewWheels:
-    """Return the wheels that the facts give, or those of the class."""
-    largest = max(inertia)
-    # default: three times the momentum of the craft at 1 deg/s
-    size = 3.0 * largest * math.radians(1.0)
+def _wheels(
+    facts: CraftFacts,
+    inertia: list[float],
+    mass_class: str,
+    cycle: Callable[[list[list[float]], Sequence[float]], float],
+    dipole: Dipole,
+) -> NewWheels:
+    """Return the wheels that the facts give, or those of the class.
+
+    Those of the class turn the craft at 1 deg/s three times over, large ones at
+    0.5 deg/s, and hold what its dipole exchanges with them if it is at its
+    unfavourable end. Larger ones are of sizes that are sold.
+
+    Raises DesatError if the fullest wheel cannot hold an orbit's cyclic momentum.
+    """
+    size, origin = (
+        3.0 * max(inertia) * math.radians(1.0),
+        "1 deg/s of the craft, thrice",
+    )
+    if mass_class == "large":
+        size, origin = max(inertia) * math.radians(0.5), "0.5 deg/s of the craft"
+    end = HELD * cycle(PYRAMID, [dipole.end * x for x in dipole.vector])
+    if end > size:
+        size, origin = end, "what the dipole at its end exchanges with them in an orbit"
+    if mass_class == "large":
+        sold = [
+            quantity("", x["capacity"], "N.m.s") for x in classes()["wheels"].values()
+        ]
+        size = min((x for x in sold if x >= size), default=size)
+        origin += ", in a size that is sold"
     text = facts.wheels or f"4 pyramid {max(size, 2e-3):.2g} N.m.s"
     match = re.fullmatch(r"\s*(\d)\s+(\w+)\s+(.+?)\s*", text)
     if match is None:
@@ -1015,12 +1125,12 @@ def _wheels(facts: CraftFacts, inertia: list[float]) -> NewWheels:
     speed = quantity("--wheels", figures["speed"], "rad/s")
     share = capacity / quantity("--wheels", figures["capacity"], "N.m.s")
     torque = share * quantity("--wheels", figures["torque"], "N.m")
-    s = 1.0 / math.sqrt(3.0)
-    axes = (
-        [[s, -s, -s, s], [s, s, -s, -s], [s, s, s, s]]
-        if count == 4
-        else [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]
-    )
+    axes = PYRAMID if count == 4 else ORTHOGONAL
+    if (needs := cycle(axes, dipole.vector)) > capacity:
+        raise DesatError(
+            f"--wheels: {cyclic.shortfall(needs, capacity)}: take at least "
+            f"{1.3 * needs * 1e3:.2g} mN m s, or a smaller --residual-dipole"
+        )
     rotor = capacity / speed
     viscous, coulomb = friction(torque, speed)
     held = (
@@ -1032,6 +1142,7 @@ def _wheels(facts: CraftFacts, inertia: list[float]) -> NewWheels:
         axes_si=axes,
         axes=["[" + ", ".join(f"{x:.16g}" for x in row) + "]" for row in axes],
         layout_why=held,
+        size_why="torque" if facts.wheels else f"class: {origin}",
         null=count == 4,
         capacity=f"{capacity * 1e3:g} mN m s",
         speed=figures["speed"],
@@ -1047,7 +1158,6 @@ def _wheels(facts: CraftFacts, inertia: list[float]) -> NewWheels:
         lag=WHEEL_LAG,
         compensation=COMPENSATION,
         noise=f"{1e-3 * capacity:.3g}",
-        half=_list([0.5 * capacity * (i < count) for i in range(4)]),
     )
 
 
@@ -1062,7 +1172,8 @@ def _rods(
             f"--rods {facts.rods}: there is no field in deep space; thrusters dump "
             "there, as --thrusters '4 10mN' --dump 'thrusters 70:10'"
         )
-    text = facts.rods or f"{0.02 * mass:.2g}"
+    share = quantity("", classes()["dipoles"][_mass_class(mass)]["rods"], "A.m2")
+    text = facts.rods or f"{share * mass:.2g}"
     if coils.is_made(text):
         found, construction = coils.design_coil(text, 0.1 * mass, max(sides))
         return {
@@ -1074,7 +1185,7 @@ def _rods(
             "area_turns": f"{found.area_turns:.4g}",
         }
     name, figures, dipole = _of_class(RODS, "rods", "dipole", text)
-    construction = "given" if facts.rods else "class: 20 mA m2 a kilogram"
+    construction = "given" if facts.rods else f"class: {1e3 * share:g} mA m2 a kilogram"
     share = dipole / quantity("--rods", figures["dipole"], "A.m2")
     current = (
         share

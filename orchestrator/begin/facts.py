@@ -28,8 +28,15 @@ UNITS = {
     "isp": "s",
     "sample": "s",
     "sun": "m",
+    "cp": "m",
 }
-SEQUENCES = ("box", "inertia", "secular")  # facts of several numbers
+SEQUENCES = (
+    "box",
+    "inertia",
+    "secular",
+    "residual_dipole",
+    "cp",
+)  # facts of several numbers
 
 
 @dataclass(frozen=True)
@@ -64,6 +71,9 @@ class CraftFacts:
     propellant: str | None = None
     isp: str | None = None
     sample: str | None = None
+    wings: Sequence[str] | None = None
+    dish: str | None = None
+    cp: str | None = None
 
 
 class Facts(TypedDict, total=False):
@@ -83,7 +93,7 @@ class Facts(TypedDict, total=False):
     rods: str | float | None
     thrusters: str | None
     pointing: str | None
-    residual_dipole: str | float | None
+    residual_dipole: str | float | Iterable[float] | None
     orbit: str | None
     dump: str | None
     panel: str | None
@@ -93,12 +103,15 @@ class Facts(TypedDict, total=False):
     propellant: str | float | None
     isp: str | float | None
     sample: str | float | None
+    wings: str | Sequence[str] | None
+    dish: str | None
+    cp: str | float | Iterable[float] | None
 
 
 def typed_facts(facts: Facts) -> dict[str, str | tuple[str, ...]]:
     """Return the facts that a program gives as texts of `desat new craft`.
 
-    Files of torques, of which there may be several, are a tuple.
+    Files of torques and wings, of which there may be several, are a tuple.
 
     Raises
     ------
@@ -112,8 +125,9 @@ def typed_facts(facts: Facts) -> dict[str, str | tuple[str, ...]]:
         )
     typed: dict[str, str | tuple[str, ...]] = {}
     for name, value in facts.items():
-        if name == "torque" and isinstance(value, (list, tuple)):
-            typed[name] = tuple(_typed(name, each) for each in value)
+        if name in ("torque", "wings") and value is not None:
+            several = value if isinstance(value, (list, tuple)) else (value,)
+            typed[name] = tuple(_typed(name, each) for each in several)
         elif value is not None:
             typed[name] = _typed(name, value)
     return typed

@@ -9,6 +9,12 @@
     "spacecraft.h_start_body" = { signs = [0.1, 0.1, 0.1] }  # each element: plus or minus this
     "environment.phase" = { one_of = [0.0, 1.5, 3.0] }       # one of these, with equal probability
     "*.seed" = { seed = true }                               # every component that has a seed
+    "spacecraft.drag_coefficient" = { factor = 2.2 }         # its value, times or divided by it (90 %)
+    "spacecraft.residual_dipole_body" = { direction = 0.1, factor = 3.0 }    # the same of the size
+    "spacecraft.offset_plates_body" = { plus_minus = 0.01 }  # each element: more or less (90 %)
+
+A factor is the same for all elements. Of a matrix of inertia each of its second moments
+has its own, so that a body can have the moments that are drawn.
 
 A drawn value depends on seed, draw and name alone, not on the order of the lines. With
 a sampling that spreads its points evenly, it also depends on their number
@@ -19,6 +25,7 @@ element is the same as without a limit.
 
 from __future__ import annotations
 
+import math
 import zlib
 from collections.abc import Callable, Mapping
 from functools import lru_cache
@@ -31,6 +38,7 @@ from ..files.draft import Draft
 from ..language.content import dispersions_of
 from ..language.scenario import Dispersion
 from ..system.errors import DesatError, nearest, require
+from ..system.model import System
 
 Sampling = Literal["random", "latin-hypercube", "sobol", "saltelli"]
 SAMPLINGS: tuple[str, ...] = get_args(Sampling)
@@ -38,6 +46,7 @@ SAMPLINGS: tuple[str, ...] = get_args(Sampling)
 FIXED: tuple[str, ...] = ("latin-hypercube", "saltelli")
 # A drawn value: a choice is its name, an array is a list.
 Drawn = float | int | str | list[float]
+NINETY = 1.6448536269514722  # deviations of a normal number that 90 % are within
 # limit of the points of these samplings, which are in memory all at once
 MOST = 10_000_000
 
@@ -51,17 +60,18 @@ def draw_of(
     """
     if sampling == "random":
         spread = dispersions_of(system)
-        return {n: _random(system, n, spec, seed, draw) for n, spec in spread.items()}
+        return {n: draw_one(system, n, spec, seed, draw) for n, spec in spread.items()}
     names, sizes = axes(system)
     unit = iter(_points(sampling, seed, count, tuple(names), tuple(sizes))(draw))
     values: dict[str, Drawn] = {}
     for name, size in zip(names, sizes, strict=True):
         spec = dispersions_of(system)[name]
-        values[name] = _place(spec, np.array([next(unit) for _ in range(size)]))
+        point = np.array([next(unit) for _ in range(size)])
+        values[name] = _place(system, name, spec, point)
     return {
         name: values[name]
         if name in values
-        else _random(system, name, spec, seed, draw)
+        else draw_one(system, name, spec, seed, draw)
         for name, spec in dispersions_of(system).items()
     }
 
@@ -77,12 +87,22 @@ def axes(system: Draft) -> tuple[list[str], list[int]]:
         for n, spec in sorted(dispersions_of(system).items())
         if spec.kind != "seed"
     }
-    return list(spread), [
-        1 if s.one_of else _size(system, n) for n, s in spread.items()
-    ]
+    return list(spread), [_axes_of(system, n, s) for n, s in spread.items()]
 
 
-def _size(system: Draft, name: str) -> int:
+def _axes_of(system: Draft | System, name: str, spec: Dispersion) -> int:
+    """Return how many uniform numbers a drawn value takes."""
+    size = _size(system, name)
+    if spec.one_of:
+        return 1
+    if spec.kind == "factor":
+        owner, _, variable = name.partition(".")
+        unit = system.components[owner].interface.elements[variable][0].unit_name
+        return 3 if size == 9 and unit == "kg.m2" else 1
+    return size + (spec.factor is not None)
+
+
+def _size(system: Draft | System, name: str) -> int:
     """Count the elements of a dispersed parameter; raise DesatError without one."""
     owner, _, variable = name.partition(".")
     require(owner, system.components, f"{system.place}: dispersions: no component")
@@ -95,11 +115,16 @@ def _size(system: Draft, name: str) -> int:
     )
 
 
-def _random(system: Draft, name: str, spec: Dispersion, seed: int, draw: int) -> Any:
+def draw_one(
+    system: Draft | System, name: str, spec: Dispersion, seed: int, draw: int
+) -> Any:
     """Draw a value from a random stream of its own."""
     size, kind = _size(system, name), spec.kind
     stream = np.random.default_rng([seed, draw, zlib.crc32(name.encode())])
     numbers = getattr(spec, kind)
+    if spec.factor is not None or kind == "plus_minus":
+        normal = stream.normal(size=_axes_of(system, name, spec))
+        return _around(system, name, spec, normal)
     if kind == "normal":
         low, high = spec.within or (-np.inf, np.inf)
         values = stream.normal(numbers[0], numbers[1], size)
@@ -120,12 +145,16 @@ def _random(system: Draft, name: str, spec: Dispersion, seed: int, draw: int) ->
     return _directed(kind, numbers, stream.normal(size=size))
 
 
-def _place(spec: Dispersion, unit: NDArray[np.float64]) -> Any:
+def _place(
+    system: Draft, name: str, spec: Dispersion, unit: NDArray[np.float64]
+) -> Any:
     """Compute a value from uniform numbers (size,) in (0, 1)."""
     from scipy.special import ndtr, ndtri
 
     kind = spec.kind
     numbers = getattr(spec, kind)
+    if spec.factor is not None or kind == "plus_minus":
+        return _around(system, name, spec, ndtri(unit))
     if kind == "normal":
         if spec.within and numbers[1]:
             low, high = ndtr((np.array(spec.within) - numbers[0]) / numbers[1])
@@ -141,6 +170,49 @@ def _place(spec: Dispersion, unit: NDArray[np.float64]) -> Any:
     if kind == "one_of":
         return numbers[min(int(unit[0] * len(numbers)), len(numbers) - 1)]
     return _directed(kind, numbers, ndtri(unit))
+
+
+def _around(
+    system: Draft | System, name: str, spec: Dispersion, normal: NDArray[np.float64]
+) -> Any:
+    """Compute a value around that of the scenario from normal numbers (size,).
+
+    Raises DesatError if the scenario's value follows from others.
+    """
+    owner, _, variable = name.partition(".")
+    component = system.components[owner]
+    if variable in component.references:
+        raise DesatError(
+            f"{system.place}: dispersions: {name} = {component.references[variable]!r} "
+            f"follows from others: {spec.kind} needs a value of its own"
+        )
+    signals = component.interface.elements[variable]
+    value = np.array(
+        [component.parameters.get(s.name, s.start) for s in signals], float
+    )
+    return change_value(spec, value, normal)
+
+
+def change_value(
+    spec: Dispersion, value: NDArray[np.float64], normal: NDArray[np.float64]
+) -> Any:
+    """Return a value (elements,) as `factor` or `plus_minus` of a dispersion change it.
+
+    The normal numbers (n,) are of deviation 1.
+    """
+    if spec.plus_minus is not None:
+        return (value + spec.plus_minus / NINETY * normal).tolist()
+    width = math.log(spec.factor or 1.0) / NINETY
+    if spec.direction is not None:
+        size = spec.direction * math.exp(width * normal[-1])
+        return _directed("direction", size, normal[:-1])
+    if len(normal) == 1:
+        return (math.exp(width * normal[0]) * value).tolist()
+    inertia = value.reshape(3, 3)
+    second = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    scale = np.exp(0.5 * width * normal)
+    second *= np.outer(scale, scale)
+    return (np.trace(second) * np.eye(3) - second).ravel().tolist()
 
 
 def _directed(kind: str, numbers: Any, normal: NDArray[np.float64]) -> list[float]:

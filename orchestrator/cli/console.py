@@ -71,7 +71,7 @@ EPILOG = "Exit codes: " + "; ".join(f"{e.value} {e.meaning}" for e in Exit) + ".
 
 # commands in the order of `desat --help`
 PANELS = {
-    "Start": ("new", "size", "run", "list", "show", "help"),
+    "Start": ("new", "size", "budget", "run", "list", "show", "help"),
     "Study": ("compare", "faults", "tune", "sweep", "campaign", "bound", "tables"),
     "Results": ("report", "export", "resume"),
     "Make": ("check", "build", "design", "pack"),

@@ -19,6 +19,7 @@
     wheels = "class:30mNms"
     [shared]                              # a parameter for every component that has it
     [parameters.manager]                  # parameters (or unconnected inputs) of one component
+    [dispersions]                         # what is not known for sure, as of each of its scenarios
 
 Everything else is wired as the roles declare (`source` in
 `components/contract/roles.py`): each input is fed by the first of its sources whose
@@ -65,6 +66,7 @@ KEYS = (
     "hardware",
     "shared",
     "parameters",
+    "dispersions",  # read with the scenarios (`scenario.py`)
 )
 BODY = ("mass", "sides")
 
@@ -130,6 +132,7 @@ def read(path: Path, options: Options) -> Draft:
     file = CraftFile(path)
     draft = Draft(file.place, _name_of(path), problems=file.problems)
     _read_top(file, draft)
+    file.table("dispersions")  # says so where it is none
     _read_body(file, draft)
     for name, source in file.table("components").items():
         _read_component(file, draft, name, source, options)

@@ -9,6 +9,7 @@ from .io import TomlTable
 
 Keys = tuple[str, ...]
 # Path of a value -> the file that gave it, and the axis' cell in it (`axes.method.dct.`).
+DISPERSIONS = ("dispersions",)  # table whose entries are replaced as a whole
 Origins = dict[Keys, tuple[str, str]]
 
 
@@ -53,13 +54,17 @@ def merge(
     place: Origins | tuple[str, str],
     path: Keys = (),
 ) -> None:
-    """Merge tables and replace everything else.
+    """Merge tables and replace everything else, also entries of [dispersions].
 
     `place` is the source of the new values.
     """
     for key, value in new.items():
         here = (*path, key)
-        if isinstance(value, dict) and isinstance(into.get(key), dict):
+        if (
+            isinstance(value, dict)
+            and isinstance(into.get(key), dict)
+            and path != DISPERSIONS
+        ):
             merge(into[key], value, origins, place, here)
             continue
         if key in into:

@@ -403,9 +403,21 @@ def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> TomlTable
         merge(merged, table, origins, below)
     for name in OWN_KEYS:
         merged.pop(name, None)
+    craft = file.parent / data.get("craft", "craft.toml")
+    of_files = [bases] if isinstance(bases, str) else bases
+    if not any(x in stems for x in of_files) and craft.is_file():
+        _add_dispersions(merged, craft, origins)
     leave_out(merged, data, origins, place)
     merge(merged, data, origins, (place, ""))
     return merged
+
+
+def _add_dispersions(merged: TomlTable, craft: Path, origins: Origins) -> None:
+    """Add the dispersions of the craft file."""
+    spreads = toml(craft).get("dispersions", {})
+    if isinstance(spreads, dict):  # otherwise the craft file's reader says so
+        place = (paths.shown(craft), "")
+        merge(merged, {"dispersions": spreads}, origins, place)
 
 
 @lru_cache(maxsize=1024)

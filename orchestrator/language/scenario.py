@@ -195,18 +195,27 @@ class Dispersion(Written):
     )
     one_of: Annotated[Many[Value], Field(min_length=1)] = key("one of these values")
     seed: Maybe[Literal[True]] = key("a seed of its own for each sample")
+    factor: Annotated[Maybe[FiniteFloat], Field(gt=1.0)] = key(
+        "times or divided by at most this in 90 %: its value, with direction its size; of "
+        "a matrix of inertia its second moments"
+    )
+    plus_minus: Annotated[Maybe[FiniteFloat], Field(gt=0.0)] = key(
+        "each element: its value and at most this more or less in 90 %"
+    )
 
     @property
     def kind(self) -> str:
         """Return how it is drawn: `normal`, `uniform` and so on."""
-        (kind,) = self.model_fields_set - {"within"}
+        fields = self.model_fields_set - {"within"}
+        (kind,) = fields - {"factor"} or fields
         return kind
 
     @model_validator(mode="after")
     def _one(self) -> Self:
         """Check that there is exactly one kind, and that `within` is wide enough."""
         kinds = [k for k in type(self).model_fields if k != "within"]
-        if len(self.model_fields_set - {"within"}) != 1:
+        fields = self.model_fields_set - {"within"}
+        if len(fields) != 1 and fields != {"direction", "factor"}:
             raise incomplete(f"exactly one of {', '.join(kinds)} is needed")
         if not self.within:
             return self

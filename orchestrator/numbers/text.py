@@ -35,16 +35,18 @@ def format_duration(seconds: float) -> str:
     return f"{seconds:.3g} s"
 
 
-def format_momenta(momentum: float, capacity: float | None = None) -> str:
-    """Format a momentum (N m s), and optionally a capacity, in one unit."""
-    momenta = [momentum] if capacity is None else [momentum, capacity]
+def format_momenta(
+    momentum: float, other: float | None = None, separator: str = " of "
+) -> str:
+    """Format a momentum (N m s), and optionally another, as a capacity, in one unit."""
+    momenta = [momentum] if other is None else [momentum, other]
     factor, unit = (1.0, "N m s") if max(momenta) >= 1.0 else (1e3, "mN m s")
     # three significant digits, but never 1e+03
     texts = [
         f"{factor * x:.0f}" if factor * x >= 999.5 else f"{factor * x:.3g}"
         for x in momenta
     ]
-    return f"{' of '.join(texts)} {unit}"
+    return f"{separator.join(texts)} {unit}"
 
 
 @dataclass(frozen=True)

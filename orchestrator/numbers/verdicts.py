@@ -22,6 +22,16 @@ FEW_EVENTS = "fewer than two events"
 FEWEST_SAMPLES = 10  # of a number that a requirement is judged by
 
 
+def margin_of(used: float, limit: float) -> float:
+    """Return the margin (limit - used) / limit; below 0 it does not hold.
+
+    It is -inf where nothing is allowed and something used.
+    """
+    if limit == 0.0:
+        return -math.inf if used > 0.0 else 0.0
+    return 1.0 - used / limit if math.isfinite(limit) else 1.0
+
+
 @dataclass(frozen=True)
 class Verdict:
     """Verdict on a requirement in a run.
@@ -47,7 +57,7 @@ class Verdict:
         if self.value is None or not math.isfinite(self.value):
             return None
         shares = [
-            sign * (limit - self.value) / abs(limit)
+            sign * math.copysign(1.0, limit) * margin_of(self.value, limit)
             for sign, limit in ((1.0, self.max), (-1.0, self.min))
             if limit
         ]
@@ -67,6 +77,27 @@ class Verdict:
     def to_json(self) -> JsonObject:
         """Return the verdict as a manifest has it."""
         return {k: v for k, v in vars(self).items() if v is not None or k == "value"}
+
+
+def describe_verdicts(verdicts: Mapping[str, Verdict], unmet: int) -> str:
+    """Return the sentence on whether a run holds, with its least margin.
+
+    `unmet` is the number of checks of the run that are not met. Empty without any
+    requirement or unmet check.
+    """
+    titles = [v.title for v in verdicts.values() if not v.met]
+    reasons = [f"{unmet} check{'s' * (unmet > 1)} of the run not met"] * (unmet > 0)
+    if titles:
+        reasons.append(
+            f"{len(titles)} of {len(verdicts)} requirements not met: {', '.join(titles)}"
+        )
+    if reasons:
+        return f"Does not hold: {'; '.join(reasons)}"
+    margins = [(v.margin, v.title) for v in verdicts.values() if v.margin is not None]
+    if not margins:
+        return "Holds" if verdicts else ""
+    least, title = min(margins)
+    return f"Holds with a margin of {100.0 * least:.3g} % ({title})"
 
 
 def judge(

@@ -20,6 +20,7 @@ from ..files.io import replace_text
 from ..files.scenario import abbreviations
 from ..language.scenario import Plot
 from ..numbers.text import number, spell_unit
+from ..numbers.verdicts import describe_verdicts
 from ..runs import drawings
 from ..runs.run import Run
 from ..runs.validation import describe_kept
@@ -94,7 +95,7 @@ def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
     text = render(
         "report.html",
         title=about.title or manifest.scenario,
-        answer=_answer(manifest),
+        answer=describe_verdicts(manifest.verdicts, len(manifest.unmet)),
         description=about.description,
         spelt=abbreviations(
             manifest.scenario.partition("/")[0],
@@ -153,25 +154,6 @@ def _files(folder: Path) -> dict[str, str]:
         "manifest.json": "values, versions and numbers of the run",
     }
     return {name: text for name, text in titles.items() if (folder / name).exists()}
-
-
-def _answer(manifest: Manifest) -> str:
-    """Return the sentence on how a run meets its requirements; empty without any."""
-    verdicts = manifest.verdicts
-    if not verdicts:
-        return ""
-    broken = [name for name, v in verdicts.items() if not v.met]
-    if broken:
-        return f"{len(broken)} of {len(verdicts)} requirements not met: {', '.join(broken)}"
-    least = min(
-        ((v.margin, name) for name, v in verdicts.items() if v.margin is not None),
-        default=None,
-    )
-    margin = f"; least margin {100.0 * least[0]:.3g} % ({least[1]})" if least else ""
-    if count := len(manifest.unmet):
-        met = f"{len(verdicts)} requirement{'s' * (len(verdicts) > 1)} of the scenario met"
-        return f"Not met: {count} check{'s' * (count > 1)} of the run, above; {met}{margin}"
-    return f"{f'All {len(verdicts)} requirements' if len(verdicts) > 1 else 'The requirement'} met{margin}"
 
 
 def _deciding_first(plots: Mapping[str, Plot], manifest: Manifest) -> list[Plot]:

@@ -10,8 +10,7 @@ import numpy as np
 
 from desat.components.contract.block import BlockError
 
-from ..analyses.flight import environment_block, flown_at, inputs_at, wanted_attitude
-from ..analyses.sampling import orbit_period
+from ..analyses.flight import fly_days, wanted_attitude
 from ..begin import craft
 from ..begin.craft import NewCraft
 from ..begin.facts import CraftFacts
@@ -22,9 +21,6 @@ from ..system.model import System
 from ..system.options import Options
 from .checking import check
 from .prepare import resolved
-
-DAY = 86400.0  # s
-ROWS = 90  # of an orbit
 
 
 def write_craft(
@@ -90,15 +86,8 @@ def _dipole_opposes(system: System) -> bool:
     spacecraft = system.roles["spacecraft"]
     if not any(spacecraft.values.get("residual_dipole_body", (0.0,))):
         return False
-    period = orbit_period(system)
-    if period is None:
-        return False
     try:
-        orbits = max(1, round(DAY / period))
-        times = system.start + np.linspace(0.0, orbits * period, ROWS * orbits + 1)
-        block = environment_block(system.roles["environment"])
-        inputs = inputs_at(block, times.tolist())
-        flight = flown_at(system, wanted_attitude(system), inputs, times)
+        flight = fly_days(system, wanted_attitude(system))
     except (DesatError, BlockError):
         return False
     impulses = {name: x[-1] - x[0] for name, x in flight.sources.items()}

@@ -29,6 +29,7 @@ from ..engine.recording.results import MANIFEST, SERIES, Results
 from ..engine.recording.row_buffer import Layout, RowBuffer
 from ..files import library
 from ..language.content import content_of
+from ..numbers.shapes import LONG
 from ..numbers.verdicts import judge
 from ..system.errors import DesatError, Exit, RunError, nearest
 from ..system.model import System
@@ -297,7 +298,7 @@ def simulate(
             remove(folder)
         choice, checkpoint = more, None
     if run.ok:
-        with stages(progress) as tell:
+        with stages(progress and system.steps > LONG) as tell:
             tell("rows that its file keeps")
             _thin(run, kept_every(system, case.options), case.options.every == 1)
     return run
@@ -412,7 +413,7 @@ def _simulate(
         outcome.signal,
     )
     try:
-        with stages(progress) as tell:
+        with stages(progress and system.steps > LONG) as tell:
             tell("its numbers")
             _measure(run, system)
     finally:  # the manifest is kept whatever fails in there

@@ -43,6 +43,7 @@ from ..analyses.flight import (
     Hardware,
     environment_block,
     flown_at,
+    fly_days,
     hardware_of,
     inputs_at,
     needless,
@@ -50,8 +51,9 @@ from ..analyses.flight import (
     values_of,
     wanted_attitude,
 )
-from ..analyses.motion import BEYOND, period_of
+from ..analyses.motion import BEYOND
 from ..campaign.draws import series_of_numbers
+from ..language.content import content_of
 from ..numbers.derived import rotate, rotate_back
 from ..numbers.text import format_duration
 from ..runs.case import Case
@@ -64,6 +66,18 @@ from ..system.options import Options
 from ..system.parameters import bare_block, unit_of
 from ..system.typed import JsonObject
 from .compatibility import terms_of
+from .intervals import (
+    SHARE,
+    AssumptionShare,
+    Interval,
+    describe_interval,
+    describe_width,
+    draw,
+    follow,
+    fullest_wheel,
+    gravity_leads,
+    interval,
+)
 from .law import UnsuitedError
 from .momentum import (
     SourceShare,
@@ -73,7 +87,7 @@ from .momentum import (
 )
 from .propellant import GRAVITY, YEAR, thruster_cost
 from .requirements import SizingRequirements
-from .result import finite
+from .result import Margin, describe_margins, finite, margins_as_json
 from .rods import find_rods_of_laws, other_laws
 from .scenarios import closed_loop_only, doubts, find_worst_scenario
 from .year import YearDate, days_of_year
@@ -98,10 +112,10 @@ LOOP = {
 }
 LONGEST = 20.0 * YEAR  # s: maximum time to the first dumps
 PARTS = 5  # days of a scenario that are examined
-NODES = 1440  # minimum number of rows of a day or orbit
 # Spacing of rows in deep space (s), and maximum number of rows of a flight through all
 # dumps.
 COARSE, MOST_ROWS = 1200.0, 100_000
+FEW = 4  # dumps of a draw of what is not known for sure
 MOST_SAMPLES = 10_000  # samples of a dump
 LAST_SAMPLES = 8  # samples of a dump that are computed one by one
 BETWEEN = 200  # minimum number of rows between two dumps
@@ -223,6 +237,11 @@ class DumpSizing:
     rods: RodsAlone | None = None  # None: it has none
     # through the dumps of the scenario's time; None: they are too many, or too late
     course: DumpCourse | None = None
+    margins: tuple[Margin, ...] = ()  # worst first
+    intervals: tuple[Interval, ...] = ()  # over what is not known for sure
+    assumptions: tuple[
+        AssumptionShare, ...
+    ] = ()  # by the share in the width of the momentum a day
 
     def __repr__(self) -> str:
         return f"<DumpSizing {self.answer}>"
@@ -242,6 +261,7 @@ class DumpSizing:
         }
         bare = replace(self, course=None)
         document = {k: finite(x) for k, x in asdict(bare).items() if k != "course"}
+        document["margins"] = margins_as_json(self.margins)
         document["thresholds"] = [finite(x._asdict()) for x in self.thresholds]
         if self.rods is not None:
             document["rods"] = self.rods._asdict() | {"suffice": self.rods.suffice}
@@ -255,12 +275,20 @@ class DumpSizing:
     def answer(self) -> str:
         """Return the sentence that answers the sizing."""
         if self.problems:
-            return f"{self.target} cannot hold: {self.problems[0]}."
+            gravity = gravity_leads(self.sources, self.assumptions)
+            return f"{self.target} cannot hold: {self.problems[0]}.{gravity}"
         if self.steady.interval == inf:
             return f"{self.target}: its wheels never come to {self.begin:.4g} N m s: no dump."
         each = f"{1e3 * self.steady.propellant:.3g} g each"
-        text = (
-            f"{self.target} dumps {self.steady.a_week:.3g} times a week, {each}, "
+        margins_text = describe_margins(self.margins)
+        holds = (
+            f"{self.target} holds with {margins_text}. It"
+            if margins_text
+            else self.target
+        )
+        text = f"{holds.strip()} {self._gains()}"
+        text += (
+            f"dumps {self.steady.a_week:.3g} times a week, {each}, "
             f"{self.steady.a_year:.3g} kg a year"
         )
         if self.year:
@@ -276,6 +304,20 @@ class DumpSizing:
         if self.tank > 0.0:
             text += f"; its {self.tank:g} kg last {self.years:.3g} years"
         return f"{text}.{self._about_rods()}"
+
+    def _gains(self) -> str:
+        """Return what the craft gains a day and how often it dumps, with intervals."""
+        if not self.intervals:
+            return ""
+        text = f"gains {describe_interval(self.intervals[0])}: a dump each "
+        between = self.intervals[1]
+        ends = " to ".join(
+            format_duration(x) if x < inf else "never" for x in between[3:]
+        )
+        return (
+            f"{text}{format_duration(between.nominal)} ({ends}; "
+            f"{describe_width(self.assumptions)}). It "
+        )
 
     def _about_rods(self) -> str:
         """Say whether the craft's rods would hold it without propellant, if it has some."""
@@ -351,7 +393,7 @@ def size(
     cost, isp = _cost_of_thrusters(target, system, hardware, requirements)
     attitude = wanted_attitude(system)
     progress("the days of the scenario")
-    flight = _flight(system, attitude)
+    flight = fly_days(system, attitude)
     torque, _ = secular(flight)
     rates_in = partial(rates_of, hardware=hardware, law=law, cost=cost, isp=isp)
     steady = _mean_rates(system, options, attitude, flight, rates_in)
@@ -369,14 +411,6 @@ def size(
         if is_wanted
         else ([], [])
     )
-    of_worst = year[0].activity if year else ""
-    by_activity = {
-        name: float(np.mean(_a_year_of(name, year, each)))
-        for name in dict.fromkeys(d.activity for d in year)
-    }
-    of_own = [r for d, r in zip(year, each, strict=True) if d.activity == of_worst] or [
-        steady
-    ]
     rods = _rods_alone(case, flight, requirements, progress)
     slew_momentum, slew_torque = compute_slew(hardware, requirements)
     sizing = DumpSizing(
@@ -391,12 +425,7 @@ def size(
         end=law.end,
         capacity=smallest_wheel_capacity(hardware),
         steady=steady,
-        a_year=float(np.mean([r.a_year for r in of_own])),
-        range_a_year=(min(r.a_year for r in of_own), max(r.a_year for r in of_own)),
         rods=rods,
-        by_activity={k: x for k, x in by_activity.items() if k != of_worst},
-        each_year=tuple(r.a_year for r in each) or (steady.a_year,),
-        least_a_year=float(np.mean([r.least_a_year for r in of_own])),
         weekly=smallest_wheel_capacity(hardware) * WEEK / steady.interval
         if steady.interval > 0.0
         else inf,
@@ -408,15 +437,21 @@ def size(
         loop={},
         problems=(),
         notes=(),
+        **_over_year(year, each, steady),
         thresholds=thresholds,
         course=course,
     )
     notes = [*doubts(system), *closed_loop_only(system, options)]
+    progress("what is not known for sure")
+    rows, shares = _intervals(system, sizing, flight, hardware, law, cost, isp)
     sizing = replace(
         sizing,
+        intervals=rows,
+        assumptions=shares,
         problems=(*wheels.warnings(system), *_problems(sizing)),
         notes=(*notes, *_notes(sizing, requirements)),
     )
+    sizing = replace(sizing, margins=tuple(_margins(system, sizing)))
     if not (requirements.flown and (steady.first < window or options.stop is not None)):
         return sizing
     sized(sizing)
@@ -424,7 +459,111 @@ def size(
     flights = _lengths_of_flights(system, options, window, steady, whole_run)
     loop, unmet = _fly_loops(target, options, flights, causes, progress)
     sizing = replace(sizing, loop=loop, problems=(*sizing.problems, *unmet))
+    sizing = replace(sizing, margins=tuple(_margins(system, sizing)))
     return replace(sizing, notes=(*notes, *_notes(sizing, requirements)))
+
+
+def _margins(system: System, sizing: DumpSizing) -> list[Margin]:
+    """Return what the craft uses in each case beside its limits, worst first."""
+    limits = {
+        x.number: x.max
+        for x in content_of(system.about).requirements.values()
+        if x.max is not None
+    }
+    rows = []
+    if 0.0 < sizing.capacity < inf:
+        limit = limits.get("largest_momentum", 100.0) / 100.0 * sizing.capacity
+        rows.append(
+            Margin("where a dump begins", "wheels", sizing.begin, limit, "N.m.s")
+        )
+        if sizing.slew_momentum > 0.0:
+            both = sizing.begin + sizing.slew_momentum
+            rows.append(
+                Margin("slew at that time", "wheels", both, sizing.capacity, "N.m.s")
+            )
+    if (a_year := limits.get("propellant_a_year")) is not None:
+        cases = {"the dates of a year, mean": sizing.a_year}
+        if sizing.intervals:
+            title = f"{100.0 * SHARE:g} % of what is assumed"
+            cases[title] = sizing.intervals[2].high
+        for case, used in cases.items():
+            rows.append(Margin(case, "propellant", used, a_year, "kg"))
+    pointing = sizing.loop.get("pointing_largest")
+    if pointing is not None and "pointing_largest" in limits:
+        limit = limits["pointing_largest"]
+        rows.append(Margin("closed loop", "pointing", pointing, limit, "deg"))
+    return sorted(rows, key=lambda m: m.margin)
+
+
+def _over_year(
+    year: Sequence[YearDate], each: Sequence[DumpRates], steady: DumpRates
+) -> dict[str, Any]:
+    """Return what a year of dumps takes, by the names of DumpSizing.
+
+    It is that of the scenario's time where no other dates are known.
+    """
+    activity = year[0].activity if year else ""
+    by_activity = {
+        name: float(np.mean(_a_year_of(name, year, each)))
+        for name in dict.fromkeys(d.activity for d in year)
+        if name != activity
+    }
+    rates = [r for d, r in zip(year, each, strict=True) if d.activity == activity]
+    rates = rates or [steady]
+    return {
+        "a_year": float(np.mean([r.a_year for r in rates])),
+        "range_a_year": (min(r.a_year for r in rates), max(r.a_year for r in rates)),
+        "by_activity": by_activity,
+        "each_year": tuple(r.a_year for r in each) or (steady.a_year,),
+        "least_a_year": float(np.mean([r.least_a_year for r in rates])),
+    }
+
+
+def _intervals(
+    system: System,
+    sizing: DumpSizing,
+    flight: Flight,
+    hardware: Hardware,
+    law: ThresholdLaw,
+    cost: Callable[[Array], float],
+    isp: float,
+) -> tuple[tuple[Interval, ...], tuple[AssumptionShare, ...]]:
+    """Return the intervals of a sizing over what is not known for sure.
+
+    Dumps follow from days that repeat, in units of what these give for the craft as it
+    is described.
+    """
+    draws = draw(system, flight, hardware)
+    if draws is None:
+        return (), ()
+
+    def rates(of: Flight) -> tuple[float, float]:
+        """Return the time between dumps (s) and the propellant of a year (kg)."""
+        course = list(_course(of, hardware, law, 1.0, 0, True, FEW))
+        if len(course) < 2:
+            return inf, 0.0
+        between = (course[-1][0] - course[0][0]) / (len(course) - 1)
+        impulse = float(np.mean([cost(u) for _, u, _ in course]))
+        return between, impulse / (isp * GRAVITY) * YEAR / between
+
+    between, propellant = follow(draws, rates)
+    times, mass = rates(draws.flight)
+    steady = sizing.steady
+    if times < inf and steady.interval < inf:
+        between = between * (steady.interval / times)
+        propellant = propellant * (steady.a_year / mass)
+    rows = (
+        interval("Momentum a day", "N.m.s", sizing.a_day, draws.momentum_a_day),
+        interval("Time between dumps", "s", steady.interval, between),
+        interval("Propellant a year", "kg", steady.a_year, propellant),
+        interval(
+            "Fullest wheel without the secular part",
+            "N.m.s",
+            float(fullest_wheel(draws.flight, hardware)),
+            draws.wheel,
+        ),
+    )
+    return rows, draws.assumptions
 
 
 def _lengths_of_flights(
@@ -528,7 +667,7 @@ def _rates_over(
     """
     rest = max(0.0, span - (flight.times[-1] - flight.times[0]))
     dates = [float(t) for t in np.linspace(0.0, rest, PARTS)[1:] if t > 0.0]
-    later = [_flight(system, attitude, t) for t in dates]
+    later = [fly_days(system, attitude, t) for t in dates]
     return [rates_in(f) for f in (flight, *later)]
 
 
@@ -749,21 +888,6 @@ def _perigees(block: Any, start: float, period: float, span: float) -> list[floa
             times.append(float(brentq(outward, t, t + step)))
         t += step
     return [x for k, x in enumerate(times) if k + 1 == len(times) or times[k + 1] > 0.0]
-
-
-def _flight(system: System, attitude: Attitude, since: float = 0.0) -> Flight:
-    """Fly whole orbits at the wanted attitude, `since` (s) after the start.
-
-    They take about a day, or one orbit if that is longer.
-    """
-    begin = system.start + since
-    block = environment_block(system.components["environment"], needless(system))
-    first = inputs_at(block, [begin])
-    period = period_of(first["r_eci"][0], first["v_eci"][0])
-    orbits = max(1, round(86400.0 / period))
-    times = begin + np.linspace(0.0, orbits * period, max(orbits * 90, NODES) + 1)
-    block = environment_block(system.components["environment"], needless(system))
-    return flown_at(system, attitude, inputs_at(block, times.tolist()), times)
 
 
 def rates_of(

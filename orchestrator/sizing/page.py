@@ -56,7 +56,7 @@ def write_sizing(sizing: Sizing, path: Path) -> Path:
     about = (
         f"{sizing.orbits} orbits of {sizing.period:.0f} s, attitude: {sizing.attitude}."
     )
-    first = [tables.tabulate_margins(sizing)]
+    first = [tables.tabulate_margins(sizing), *tables.tabulate_spread(sizing)]
     return _write(
         path,
         f"Size of {sizing.target}",
@@ -93,7 +93,11 @@ def write_dumps(sizing: DumpSizing, path: Path) -> Path:
             ("A year: propellant, as if each day lasted", _dump_year(sizing))
         )
         tables_shown.append(tables.tabulate_dump_days(sizing))
-    first = [tables.tabulate_dumps(sizing)]
+    first = [
+        tables.tabulate_margins(sizing),
+        *tables.tabulate_spread(sizing),
+        tables.tabulate_dumps(sizing),
+    ]
     about = f"Attitude: {sizing.attitude}."
     return _write(
         path, f"Dumps of {sizing.target}", sizing, first, tables_shown, about, figures

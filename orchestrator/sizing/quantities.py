@@ -6,6 +6,7 @@ from ..system.quantity import Quantity
 
 DUTY = Quantity("--duty", "%")
 MARGIN = Quantity("--margin", "1", 1.0, 100.0, noun="a factor of")
+NEEDS = Quantity("--margin-factor", "1", 0.1, 100.0, noun="a factor of")
 SLEW_ANGLE = Quantity("--slew", "deg")
 SLEW_TIME = Quantity("--slew", "s", 0.0, 1e6, above=True, noun="a time")
 TIP_OFF = Quantity("--tip-off", "deg/s", 0.0, 1000.0, above=True, noun="a number")

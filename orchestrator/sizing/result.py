@@ -2,35 +2,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from math import inf
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..analyses.flight import Attitude
 from ..numbers.text import format_duration, format_momenta
+from ..numbers.verdicts import margin_of
 from ..system.typed import JsonObject
+from .intervals import (
+    SHARE,
+    AssumptionShare,
+    Interval,
+    describe_interval,
+    describe_width,
+    gravity_leads,
+)
 from .momentum import SourceShare
 from .requirements import SizingRequirements
 from .rods import LARGEST_MULTIPLE, Best, SizingPoint
 from .year import YearDate
 
 
-@dataclass(frozen=True)
-class Margin:
-    """A requirement beside the craft's value."""
+class Margin(NamedTuple):
+    """What a craft uses of something in a case, beside what it is allowed."""
 
-    name: str
-    needed: float
-    has: float
+    case: str
+    of: str  # wheels, coils, rods, propellant, ...
+    used: float
+    limit: float
     unit: str
 
     @property
-    def ratio(self) -> float:
-        """Return the craft's value over the required one."""
-        return self.has / self.needed if self.needed > 0.0 else inf
+    def margin(self) -> float:
+        """Return the margin (1), (limit - used) / limit: below 0 it does not hold."""
+        return margin_of(self.used, self.limit)
+
+
+class Course(NamedTuple):
+    """Fullest wheel (N m s) and duty (1) of a craft with its own rods."""
+
+    wheel: float
+    duty: float
+
+
+# Cases, and beginnings of those in which what is assumed is at its end.
+WORST_DAY = "the worst day of the year"
+ENDS = "what is assumed at its ends"
+WHEEL_LOSS = "a wheel lost"
+ASSUMED_CASES = (f"{100.0 * SHARE:g} % of", ENDS, WHEEL_LOSS)
 
 
 @dataclass(frozen=True)
@@ -67,6 +90,12 @@ class Sizing:
     slew_torque: float  # N m, of that wheel, 4 I theta / T^2
     wheel_capacity: float  # N m s, of the smallest wheel; inf: no limit
     wheel_torque: float  # N m, limit of a wheel
+    # N m s, that a scenario's requirement allows of the smallest wheel; inf: no limit
+    wheel_allowed: float
+    duty_allowed: float  # 1, the same of the coils
+    # N m s, as `wheel_needed` where the wheel is lost that is missed most; 0: no other
+    # wheels can do its work, inf: none can
+    wheel_lost: float
     # s, until a wheel that starts at rest is full without dumping; inf: never
     time_without: float
     least_formula: float
@@ -82,6 +111,8 @@ class Sizing:
     recommended: float | None
     # A m2, the same without `worst.toml`, by the model alone
     recommended_year: float | None
+    # A m2, the same for a share of the draws of what is not known for sure
+    recommended_share: float | None
     recommended_day: float | None  # A m2, the same for the day of the scenario alone
     # date and solar activity, or that it is the scenario's own day; empty: no other day
     # was examined
@@ -114,16 +145,19 @@ class Sizing:
     # kg a year, the same where each dump waits for its cheapest attitude
     propellant_least: float | None
     requirements: SizingRequirements
+    intervals: tuple[Interval, ...]  # over what is not known for sure; empty: all is
+    assumptions: tuple[
+        AssumptionShare, ...
+    ]  # by the share in the width of the momentum a day
     curve: tuple[SizingPoint, ...]
-    margins: tuple[Margin, ...]
+    margins: tuple[Margin, ...]  # worst first
     problems: tuple[str, ...]
     notes: tuple[str, ...]
 
     def as_json(self) -> JsonObject:
         """Return the data that `--json` prints; infinite numbers are null."""
         data = {name: finite(value) for name, value in asdict(self).items()}
-        for row, margin in zip(data["margins"], self.margins, strict=True):
-            row["ratio"] = finite(margin.ratio)
+        data["margins"] = margins_as_json(self.margins)
         data["wishes"] = data.pop("requirements")
         return data | {"answer": self.answer}
 
@@ -144,7 +178,8 @@ class Sizing:
                 if self.recommended is None or self.recommended <= self.rod
                 else (f" Rods of {self.recommended:.3g} A m2 do.")
             )
-            return f"{self.target} cannot hold: {self.problems[0]}.{rods}"
+            gravity = gravity_leads(self.sources, self.assumptions)
+            return f"{self.target} cannot hold: {self.problems[0]}.{rods}{gravity}"
         required = (
             f" with a duty of {100.0 * self.duty:.3g} % and a margin of "
             f"{self.requirements.margin:g} under {self.law}"
@@ -162,7 +197,12 @@ class Sizing:
             )
         else:
             rods = f"rods of {self.recommended:.3g} A m2 are recommended: they hold {self._held()}"
-        text = f"{self.target}: {rods}{required}; it has {self.rod:.4g} A m2. "
+        margins_text = describe_margins([m for m in self.margins if m.of != "rods"])
+        holds = (
+            f"{self.target} holds with {margins_text}" if margins_text else self.target
+        )
+        text = f"{holds}{self._leading()}. {rods[0].upper()}{rods[1:]}{required}; "
+        text += f"it has {self.rod:.4g} A m2. "
         if (
             self.detumbling_recommended is not None
             and self.first_dump_recommended is not None
@@ -174,17 +214,34 @@ class Sizing:
             )
         needs, has = self.wheel_needed + self.slew_momentum, self.wheel_capacity
         if has == inf:
-            return (
-                text
-                + f"Its wheels need {format_momenta(needs)} each and have no limit."
-            )
-        return text + f"Its wheels need {format_momenta(needs, has)} each."
+            text += f"Its wheels need {format_momenta(needs)} each and have no limit."
+        else:
+            text += f"Its wheels need {format_momenta(needs, has)} each."
+        return text + self._width()
+
+    def _leading(self) -> str:
+        """Say which source has most of the secular momentum."""
+        first = max(self.sources, key=lambda x: x.along, default=None)
+        if first is None or first.along <= 0.0:
+            return ""
+        return f"; {100.0 * first.along:.0f} % of the momentum is by {first.name}"
+
+    def _width(self) -> str:
+        """Return how far the momentum a day spreads, and why; "" where all is known."""
+        if not self.intervals:
+            return ""
+        return f" It gains {describe_interval(self.intervals[0])}; " + (
+            f"{describe_width(self.assumptions)}."
+        )
 
     def _held(self) -> str:
         """Return the hardest condition under which the recommended rods hold."""
         rod, year = self.recommended, self.recommended_year
-        if self.worst_scenario and rod is not None and (year is None or rod > year):
+        share = self.recommended_share
+        if self.worst_scenario and rod is not None and (share is None or rod > share):
             return self.worst_scenario
+        if share is not None and year is not None and share > year:
+            return f"for {100.0 * SHARE:g} % of what is assumed, on the worst day of the year"
         if self.worst_day:
             return f"the worst day of the year ({self.worst_day})"
         return "the day of the scenario"
@@ -199,110 +256,108 @@ def finite(value: Any) -> Any:
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
-def _cyclic_margins(sizing: Sizing) -> Iterator[Margin]:
-    """Yield the cyclic momentum, alone and with a slew, beside the wheels' capacity."""
-    if sizing.wheel_capacity == inf:
-        return
-    yield Margin(
-        "wheels: cyclic momentum", sizing.wheel_needed, sizing.wheel_capacity, "N.m.s"
-    )
-    if sizing.slew_momentum > 0.0:
-        both = sizing.wheel_needed + sizing.slew_momentum
-        yield Margin(
-            "wheels: cyclic momentum and slew", both, sizing.wheel_capacity, "N.m.s"
+def margins_as_json(margins: Sequence[Margin]) -> list[JsonObject]:
+    """Return margins as `--json` prints them."""
+    return [finite(m._asdict() | {"margin": m.margin}) for m in margins]
+
+
+def describe_margins(margins: Sequence[Margin]) -> str:
+    """Say in which case the least of each kind is left, the worst first."""
+    least: dict[str, Margin] = {}
+    for m in sorted(margins, key=lambda m: m.margin):
+        least.setdefault(m.of, m)
+    by_case: dict[str, list[Margin]] = {}
+    for m in least.values():
+        by_case.setdefault(m.case, []).append(m)
+    texts = []
+    for case, rows in by_case.items():
+        margins_text = " and ".join(
+            f"{100.0 * m.margin:.0f} % of the {m.of}" for m in rows
         )
+        texts.append(f"{margins_text} ({case})")
+    return f"margins of {', '.join(texts)}" if texts else ""
 
 
-def find_margins(sizing: Sizing, filled: float | None) -> Iterator[Margin]:
-    """Yield each requirement beside the craft's value.
+def find_margins(sizing: Sizing, courses: Mapping[str, Course]) -> list[Margin]:
+    """Return what the craft uses in each case beside what it is allowed, worst first.
 
-    `filled` is the momentum (N m s) of the fullest wheel on the worst day with the
-    craft's rods; None if it is unknown.
+    `courses` are the cases that the model flew with the craft's own rods.
     """
+    capacity = sizing.wheel_allowed
+    has_wheels = 0.0 < capacity < inf
+    day = "the day of the scenario"
+    rows = []
     if sizing.least < inf:
-        yield Margin("rods: any law, this day", sizing.least, sizing.rod, "A.m2")
-    if sizing.least_year > 0.0:
-        yield Margin(
-            "rods: any law, worst day of the year",
-            sizing.least_year,
-            sizing.rod,
-            "A.m2",
-        )
-    if sizing.recommended is not None:
-        yield Margin(
-            f"rods: {sizing.law}, duty and margin",
-            sizing.recommended,
-            sizing.rod,
-            "A.m2",
-        )
-    if filled is not None and 0.0 < sizing.wheel_capacity < inf:
-        yield Margin(
-            f"wheels: {sizing.law} with its rods, worst day",
-            filled,
-            sizing.wheel_capacity,
-            "N.m.s",
-        )
-    yield from _cyclic_margins(sizing)
-    for row in (r for r in sizing.curve if r.law == sizing.law and r.rod == sizing.rod):
-        if row.filled is not None:
-            yield Margin(
-                f"wheels: {row.law} with its rods",
-                row.filled * sizing.wheel_capacity,
-                sizing.wheel_capacity,
-                "N.m.s",
+        rows.append(Margin(f"{day}, any law", "rods", sizing.least, sizing.rod, "A.m2"))
+    if 0.0 < sizing.least_year < inf:
+        rows.append(
+            Margin(
+                f"{WORST_DAY}, any law", "rods", sizing.least_year, sizing.rod, "A.m2"
             )
-        if row.duty is not None:
-            yield Margin(
-                f"coils: duty by {row.law} with its rods", row.duty, sizing.duty, "1"
-            )
+        )
+    if has_wheels:
+        for case, needed in (
+            (f"{day}, cyclic part", sizing.wheel_needed),
+            (f"{WHEEL_LOSS}, cyclic part", sizing.wheel_lost),
+        ):
+            if 0.0 < needed < inf:
+                rows.append(Margin(case, "wheels", needed, capacity, "N.m.s"))
+        if sizing.slew_momentum > 0.0:
+            both = sizing.wheel_needed + sizing.slew_momentum
+            rows.append(Margin("slew", "wheels", both, sizing.wheel_capacity, "N.m.s"))
+    for case, course in courses.items():
+        if has_wheels:
+            rows.append(Margin(case, "wheels", course.wheel, capacity, "N.m.s"))
+        duty, limit = 100.0 * course.duty, 100.0 * sizing.duty_allowed
+        rows.append(Margin(case, "coils", duty, limit, "%"))
     if sizing.slew_torque > 0.0 and sizing.wheel_torque < inf:
-        yield Margin(
-            "wheels: torque of the slew", sizing.slew_torque, sizing.wheel_torque, "N.m"
+        rows.append(
+            Margin(
+                "slew", "wheel torque", sizing.slew_torque, sizing.wheel_torque, "N.m"
+            )
         )
+    return sorted(rows, key=lambda m: m.margin)
 
 
 def find_problems(sizing: Sizing) -> list[str]:
-    """Return why the craft cannot hold its momentum, one reason a line."""
+    """Return why the craft cannot hold its momentum, one reason a line.
+
+    Cases in which what is assumed is at its end are not among them, as they are a
+    matter of `worst.toml`, nor is a wheel that is lost.
+    """
     lines = []
     if sizing.least == inf:
         lines.append(
             "no rod takes the secular torque out: the field is along it all the time"
         )
-    elif sizing.rod < sizing.least:
-        lines.append(
-            f"rods of {sizing.rod:.4g} A m2: the secular torque needs at least "
-            f"{sizing.least:.4g} A m2 with any law"
-        )
-    else:
-        lines += [
-            f"rods of {m.has:.4g} A m2: the worst day of the year needs at least {m.needed:.4g} "
-            "A m2 with any law"
-            for m in sizing.margins
-            if "worst day" in m.name and m.ratio < 1.0
-        ]
-    lines += [
-        f"wheels of {format_momenta(m.has)}: {sizing.law} with its rods of {sizing.rod:.4g} A m2 "
-        f"lets the fullest one come to {format_momenta(m.needed)}"
-        f"{' on the worst day' * m.name.endswith('day')}"
+    return lines + [
+        f"{_needs(m, sizing)}: {m.case}"
         for m in sizing.margins
-        if m.name.startswith(f"wheels: {sizing.law} with its rods") and m.ratio < 1.0
+        if m.margin < 0.0 and not m.case.startswith(ASSUMED_CASES)
     ]
-    if sizing.wheel_needed > sizing.wheel_capacity:
-        lines.append(
-            f"wheels of {format_momenta(sizing.wheel_capacity)}: the cyclic momentum alone needs "
-            f"{format_momenta(sizing.wheel_needed)} of the fullest one"
+
+
+def _needs(margin: Margin, sizing: Sizing) -> str:
+    """Say what a case takes beside what there is."""
+    if margin.of == "rods":
+        return (
+            f"rods of {margin.limit:.4g} A m2: the secular torque needs at least "
+            f"{margin.used:.4g} A m2"
         )
-    elif sizing.wheel_needed + sizing.slew_momentum > sizing.wheel_capacity:
-        lines.append(
-            f"wheels of {format_momenta(sizing.wheel_capacity)}: cyclic momentum and slew need "
-            f"{format_momenta(sizing.wheel_needed + sizing.slew_momentum)} of the fullest one"
+    if margin.of == "coils":
+        return (
+            f"rods of {sizing.rod:.4g} A m2: their duty comes to "
+            f"{margin.used:.3g} % of {margin.limit:.3g} % allowed"
         )
-    if sizing.slew_torque > sizing.wheel_torque:
-        lines.append(
-            f"wheels of {sizing.wheel_torque:.4g} N m: the slew needs "
-            f"{sizing.slew_torque:.4g} N m of the fullest one"
+    if margin.unit == "N.m":
+        return (
+            f"wheels of {margin.limit:.4g} N m: the slew needs {margin.used:.4g} N m of "
+            "the fullest one"
         )
-    return lines
+    return (
+        f"wheels, {format_momenta(margin.limit)} of them allowed: the fullest one "
+        f"comes to {format_momenta(margin.used)}"
+    )
 
 
 def find_notes(sizing: Sizing, attitude: Attitude) -> list[str]:
@@ -319,6 +374,8 @@ def find_notes(sizing: Sizing, attitude: Attitude) -> list[str]:
         lines.append(
             "formula and linear programme differ by more than 1 %: the latter counts"
         )
+    if sizing.wheel_lost == inf:
+        lines.append(f"{WHEEL_LOSS}: those that are left give no torque about an axis")
     if attitude.kind == "moving":
         lines.append(
             "the attitude moves: rods and wheels are those of the run as it was flown"

@@ -15,9 +15,11 @@ from ..analyses.flight import (
     Hardware,
     attitude_of,
     flight_of,
+    fly_days,
     hardware_of,
     secular,
     series_for,
+    wanted_attitude,
 )
 from ..analyses.manifest import Manifest
 from ..campaign.draws import series_of_numbers
@@ -43,6 +45,7 @@ CURVE_MULTIPLES = (0.8, 1.0, 1.15, 1.3, 1.6, 2.0, 3.0, 5.0, 8.0)
 LARGEST_MULTIPLE = 30.0  # largest rod considered, or the craft's own if larger
 LOOP_MULTIPLES = (1.3,)  # rods of the closed loop besides the recommended one
 LOOP_TRIES = 6  # flights of the worst scenario, with growing rods
+SATURATED = 0.9  # duty (1) of coils with which no loop holds
 LOOP_STEP = 1.5  # growth factor where the model gives none
 GRID_SIZES = 60  # rods of a search by the model
 # Flights of a search by bisection, and factor between rods that suffice and do not, at
@@ -403,6 +406,8 @@ def find_rod_for_worst(
         hardware.m_limit,
         max(LARGEST_MULTIPLE * (rod or 0.0), hardware.m_limit),
     )
+    if rod is not None and law is not None:
+        rod = _first_to_try(system, law, hardware, rod, largest)
     while rod is not None:
         if rod not in flights:
             flights[rod] = fly_with(rod)
@@ -419,6 +424,24 @@ def find_rod_for_worst(
     return rod, [
         f"{WORST} with its rods of {craft_rod:.4g} A m2: {line}" for line in missed
     ]
+
+
+def _first_to_try(
+    system: System, law: Law, hardware: Hardware, rod: float, largest: float
+) -> float:
+    """Return the first rod (A m2), from `rod` on, with which a loop may hold.
+
+    With a smaller one the model fills a wheel or saturates the coils. It is `rod` where
+    the environment cannot be flown by itself.
+    """
+    rods = np.array([round_up(x) for x in np.geomspace(rod, max(largest, rod), 20)])
+    try:
+        flight = fly_days(system, wanted_attitude(system))
+        course = fly_rods(flight, law, hardware, rods, OTHERS_STEP)
+    except (DesatError, UnsuitedError):
+        return rod
+    holds = course.peak <= smallest_wheel_capacity(hardware)
+    return find_smallest(rods, holds & (course.duty < SATURATED)) or rod
 
 
 def _find_larger(

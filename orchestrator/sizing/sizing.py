@@ -18,20 +18,34 @@ The closed loop flies beside the model at the sizes that count.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import inf
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..analyses import wheels
-from ..analyses.flight import Attitude, Hardware, attitude_of, hardware_of, secular
-from ..runs.prepare import prepare, read
+from ..analyses.flight import (
+    Attitude,
+    Flight,
+    Hardware,
+    attitude_of,
+    fly_days,
+    hardware_of,
+    secular,
+    wanted_attitude,
+)
+from ..files.scenario import Scenario
+from ..language.content import content_of
+from ..runs.prepare import prepare, read, resolved
 from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
+from . import intervals
 from .compatibility import terms_of
-from .law import OTHERS_STEP, STEP, Law, UnsuitedError, law_of
+from .law import OTHERS_STEP, Law, UnsuitedError, law_of
 from .least_rod import compute_geometry, least_by_formula, least_by_programme, reach
 from .momentum import (
     compute_slew,
@@ -42,7 +56,16 @@ from .momentum import (
 )
 from .propellant import compute_propellant
 from .requirements import SizingRequirements
-from .result import RodsByCondition, Sizing, find_margins, find_notes, find_problems
+from .result import (
+    ENDS,
+    WORST_DAY,
+    Course,
+    RodsByCondition,
+    Sizing,
+    find_margins,
+    find_notes,
+    find_problems,
+)
 from .rods import (
     Best,
     add_closed_loop,
@@ -63,6 +86,8 @@ from .scenarios import (
 )
 from .year import WorstDay, YearDate, days_of_year, find_worst_day
 
+Array = NDArray[Any]
+CASE_STEP = 60.0  # s: samples of the law that are closer are combined in a case
 SMALLEST_TORQUE = 1e-300  # N m per A m2: replaces 0 so that no division by zero occurs
 
 
@@ -113,10 +138,21 @@ def size(
     law, day = (best[0].law, best[0].rod) if best else ("", None)
     model = next((x for x in laws if x.name == law), None)
     by_year = find_rod_for_year(day, hardest, model, hardware, requirements)
+    progress("what is not known for sure")
+    draws = intervals.draw(system, flight, hardware)
+    uncertain = _uncertain_day(system, hardest, hardware)
+    by_share = by_year
+    if uncertain is not None and model is not None and by_year is not None:
+        by_share = find_rod_for_year(
+            by_year, uncertain, model, hardware, requirements, OTHERS_STEP
+        )
     conditions = _find_conditions(
         best, by_year, laws, hardest, least, hardware, requirements
     )
-    recommended = by_year
+    if by_share != by_year:
+        title = f"{100.0 * intervals.SHARE:g} % of what is not known for sure, that day"
+        conditions.append(RodsByCondition(title, {law: by_share}))
+    recommended = by_share
     unmet: list[str] = []
     worst = find_worst_scenario(source) if requirements.flown else None
     if worst is not None:
@@ -168,6 +204,10 @@ def size(
         slew_torque=slew_torque,
         wheel_capacity=smallest_wheel_capacity(hardware),
         wheel_torque=hardware.torque_limit,
+        wheel_allowed=_allowed(system, "largest_momentum", 1.0)
+        * smallest_wheel_capacity(hardware),
+        duty_allowed=_allowed(system, "coil_duty", requirements.duty),
+        wheel_lost=_wheel_lost(flight, hardware, torque, cyclic, _bias(system)),
         time_without=time_without,
         least_formula=formula,
         least=least,
@@ -177,6 +217,7 @@ def size(
         law=law,
         recommended=recommended,
         recommended_year=by_year,
+        recommended_share=by_share,
         recommended_day=day and round_up(day),
         worst_day="" if hardest is None else _describe_day(hardest, least),
         least_year=0.0 if hardest is None else max(least, hardest.least),
@@ -195,13 +236,22 @@ def size(
         propellant=propellant,
         propellant_least=propellant_least,
         requirements=requirements,
+        intervals=(),
+        assumptions=(),
         curve=curve,
         margins=(),
         problems=(),
         notes=(),
     )
-    fullest = _fullest_wheel(hardest, model, hardware)
-    sizing = replace(sizing, margins=tuple(find_margins(sizing, fullest)))
+    if draws is not None:
+        sizing = replace(
+            sizing,
+            intervals=tuple(_intervals(sizing, draws)),
+            assumptions=draws.assumptions,
+        )
+    flights = _flights_of_cases(flight, hardest, uncertain, worst, options)
+    courses = _fly_cases(flights, model, hardware)
+    sizing = replace(sizing, margins=tuple(find_margins(sizing, courses)))
     problems = (*wheels.warnings(system), *find_problems(sizing), *unmet)
     return replace(
         sizing, problems=problems, notes=(*notes, *find_notes(sizing, attitude))
@@ -241,6 +291,47 @@ def _fly_year(
         return (), None
 
 
+def _uncertain_day(
+    system: System, hardest: WorstDay | None, hardware: Hardware
+) -> WorstDay | None:
+    """Return the worst day of the year with what is not known for sure.
+
+    It is that of the draw whose rods suffice for `intervals.SHARE` of them; None where
+    all is known, or no other day is.
+    """
+    draws = (
+        None if hardest is None else intervals.draw(system, hardest.flight, hardware)
+    )
+    if hardest is None or draws is None:
+        return None
+    flight = draws.hardest(intervals.SHARE, hardest.flight)
+    torque, _ = secular(flight)
+    least = least_by_formula(reach(flight, hardware), torque)
+    return replace(hardest, least=least, flight=flight)
+
+
+def _intervals(
+    sizing: Sizing, draws: intervals.CraftDraws
+) -> Iterator[intervals.Interval]:
+    """Yield the intervals of a sizing."""
+    for title, unit, nominal, values in (
+        (
+            "Momentum a day",
+            "N.m.s",
+            float(np.linalg.norm(sizing.secular)) * 86400.0,
+            draws.momentum_a_day,
+        ),
+        (
+            "Fullest wheel without the secular part",
+            "N.m.s",
+            sizing.wheel_needed,
+            draws.wheel,
+        ),
+        ("Smallest rod for any law", "A.m2", sizing.least_formula, draws.rod),
+    ):
+        yield intervals.interval(title, unit, nominal, values)
+
+
 def _find_conditions(
     best: Sequence[Best],
     by_year: float | None,
@@ -265,17 +356,71 @@ def _find_conditions(
     return [*conditions, RodsByCondition(title, of_year)]
 
 
-def _fullest_wheel(
-    hardest: WorstDay | None, law: Law | None, hardware: Hardware
-) -> float | None:
-    """Return the momentum of the fullest wheel (N m s) on the worst day.
+def _flights_of_cases(
+    flight: Flight,
+    hardest: WorstDay | None,
+    uncertain: WorstDay | None,
+    worst: Scenario | None,
+    options: Options,
+) -> dict[str, Flight]:
+    """Return the flights of the cases in which a craft has to hold."""
+    flights = {"the day of the scenario": flight}
+    if hardest is not None:
+        flights[WORST_DAY] = hardest.flight
+    if uncertain is not None:
+        title = f"{100.0 * intervals.SHARE:g} % of what is assumed, {WORST_DAY}"
+        flights[title] = uncertain.flight
+    if worst is not None:
+        system, _ = resolved(worst, options)
+        ends = fly_days(system, wanted_attitude(system))
+        flights[f"{ENDS}, {worst.file.name}"] = ends
+    return flights
 
-    The craft has its own rods; None where it has none, or there is no law or other day.
+
+def _fly_cases(
+    flights: Mapping[str, Flight], law: Law | None, hardware: Hardware
+) -> dict[str, Course]:
+    """Fly the model with the craft's own rods in each case.
+
+    There are none where it has no rods, or there is no law.
     """
-    if law is None or hardest is None or hardware.m_limit == 0.0:
-        return None
-    rods = np.array([hardware.m_limit])
-    return float(fly_rods(hardest.flight, law, hardware, rods, STEP).wheel[0])
+    cases: dict[str, Course] = {}
+    if law is None or hardware.m_limit == 0.0:
+        return cases
+    for case, flight in flights.items():
+        rods = np.array([hardware.m_limit])
+        course = fly_rods(flight, law, hardware, rods, CASE_STEP)
+        cases[case] = Course(float(course.wheel[0]), float(course.duty[0]))
+    return cases
+
+
+def _allowed(system: System, number: str, share: float) -> float:
+    """Return the share (1) that a requirement on a number in % allows, or `share`."""
+    limits = [
+        x.max / 100.0
+        for x in content_of(system.about).requirements.values()
+        if x.number == number and x.max is not None
+    ]
+    return min(limits, default=share)
+
+
+def _wheel_lost(
+    flight: Flight, hardware: Hardware, torque: Array, cyclic: Array, bias: Array
+) -> float:
+    """Return what the fullest wheel needs (N m s) with the worst of them lost.
+
+    It is inf where those that are left do not span space.
+    """
+    needs = []
+    for k in np.flatnonzero(hardware.capacity > 0.0):
+        works = np.ones(len(hardware.capacity))
+        works[k] = 0.0
+        axes, capacity = hardware.axes_wheel * works, hardware.capacity * works
+        if np.linalg.matrix_rank(axes) < 3:
+            return inf
+        others = replace(hardware, axes_wheel=axes, capacity=capacity)
+        needs.append(compute_wheel_needs(flight, others, torque, cyclic, bias)[0])
+    return max(needs, default=0.0)
 
 
 def _bias(system: System) -> np.ndarray[tuple[int], np.dtype[np.float64]]:

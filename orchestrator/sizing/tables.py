@@ -88,6 +88,39 @@ def tabulate_quantities(sizing: Sizing) -> Table:
     return Table("Numbers", QUANTITIES, rows, has_header=False, is_scaled=True)
 
 
+def tabulate_spread(sizing: Sizing | DumpSizing) -> tuple[Table, ...]:
+    """Tabulate intervals over what is not known for sure, and what carries them.
+
+    There is no table where all is known.
+    """
+    if not sizing.intervals:
+        return ()
+    columns = [
+        Column("", kind="text"),
+        Column("as described", ROW_UNIT, ".4g"),
+        Column("5 %", ROW_UNIT, ".4g"),
+        Column("95 %", ROW_UNIT, ".4g"),
+        Column("unit", kind="unit"),
+    ]
+    rows: list[Row] = []
+    for title, unit, *values in sizing.intervals:
+        if unit == "s":
+            texts = [format_duration(x) if x < inf else "never" for x in values]
+            rows.append((title, *texts, ""))
+        else:
+            rows.append((title, *values, unit))
+    carrying = [
+        Column("assumption", kind="text"),
+        Column("share, %", form=".1f"),
+        Column("given by", kind="text"),
+    ]
+    shares = [(x.title, 100.0 * x.share, x.option) for x in sizing.assumptions]
+    return (
+        Table("How far it spreads over what is assumed", columns, rows, is_scaled=True),
+        Table("What carries the width", carrying, shares),
+    )
+
+
 def _duration(title: str, seconds: float) -> Row:
     """Return a row with a duration (s)."""
     return title, format_duration(seconds), ""
@@ -100,26 +133,28 @@ def _propellant(title: str, mass: float) -> Row:
     return title, mass, "kg"
 
 
-def tabulate_margins(sizing: Sizing) -> Table:
-    """Tabulate each requirement beside the craft's value."""
+def tabulate_margins(sizing: Sizing | DumpSizing) -> Table:
+    """Tabulate what each case takes beside what is allowed, the worst case first."""
     columns = [
-        Column("margin", kind="text"),
-        Column("needed", ROW_UNIT, ".4g"),
-        Column("has", ROW_UNIT, ".4g"),
+        Column("case", kind="text"),
+        Column("of the", kind="text"),
+        Column("used", ROW_UNIT, ".4g"),
+        Column("allowed", ROW_UNIT, ".4g"),
         Column("unit", kind="unit"),
-        Column("times", form=".3g"),
+        Column("margin, %", form=".3g"),
     ]
     rows = [
         (
-            m.name,
-            m.needed,
-            m.has,
+            m.case,
+            m.of,
+            m.used,
+            m.limit,
             m.unit,
-            Cell(m.ratio, mark="bad" if m.ratio < 1.0 else "ok"),
+            Cell(100.0 * m.margin, mark="bad" if m.margin < 0.0 else "ok"),
         )
         for m in sizing.margins
     ]
-    return Table("Margins", columns, rows, is_scaled=True)
+    return Table("Cases", columns, rows, is_scaled=True)
 
 
 def tabulate_sources(

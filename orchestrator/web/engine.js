@@ -23,7 +23,7 @@ function evaluated(of, table) {
   return result * of.scale;
 }
 
-const size = (values, form) => (form === "length" ? Math.hypot(...values)
+const size = (values, form) => (form === "length" ? Math.sqrt(values.reduce((sum, x) => sum + x * x, 0))
   : Math.max(...values.map(Math.abs)));
 
 // The parameter of a slider at a value in its own unit: a number, or a list of an array's elements.

@@ -86,7 +86,12 @@ class Slider:
 
 def size(values: Sequence[float], form: str) -> float:
     """Return the size of an array that a slider's form moves."""
-    return math.hypot(*values) if form == "length" else max(map(abs, values))
+    # hypot of a browser has other bits
+    return (
+        math.sqrt(sum(x * x for x in values))
+        if form == "length"
+        else max(map(abs, values))
+    )
 
 
 def parts_of(text: str) -> tuple[str, str, str]:
@@ -149,22 +154,23 @@ TUMBLING = (
     ("torquers", "m_limit"),
     ("magnetometer", "noise"),
 )
-# choice of a torque on surfaces, and the lever arm of that torque
+# choice of a torque on surfaces, and the lever arm of that torque on an area
 LEVERS = (
     ("aerodynamics", "centre_drag_body"),
     ("radiation", "centre_radiation_body"),
 )
+ON_PLATES = "offset_plates_body"
 
 
 def _surfaces(system: System) -> tuple[tuple[str, str], ...]:
-    """Return the lever arms of drag and radiation, as far as they act by an area."""
+    """Return the lever arm of drag, or else of radiation, as far as they act."""
     craft = system.roles.get("spacecraft")
     if craft is None:
         return ()
     acting = [
-        ("spacecraft", lever)
+        ("spacecraft", lever if craft.choice(choice) == "area" else ON_PLATES)
         for choice, lever in LEVERS
-        if choice in craft.values and craft.choice(choice) == "area"
+        if choice in craft.values and craft.choice(choice) != "none"
     ]
     return tuple(acting[:1])  # where there is air, drag is the larger one
 

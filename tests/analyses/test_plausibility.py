@@ -74,8 +74,8 @@ def test_what_is_not_given_follows_from_what_is(tmp_path, facts, mass, side):
     assert system.body.mass == pytest.approx(mass, rel=1e-5)
     if side is not None:
         assert system.body.sides == pytest.approx((side, side, side), rel=1e-5)
-        area = system.components["spacecraft"].values["area_drag"]
-        assert area == pytest.approx(1.5 * side**2, rel=1e-5), "half of three faces"
+        rows = np.reshape(system.components["spacecraft"].values["plates"], (-1, 9))
+        assert rows[:6, 3] == pytest.approx(side**2, rel=1e-5), "six faces"
     assert list(plausibility.warnings(system)) == []
 
 
@@ -245,7 +245,8 @@ def test_given_torques_add_up(tmp_path):
         0,
     ]
     assert np.linalg.norm(craft["residual_dipole_body"]) == pytest.approx(0.1, rel=1e-5)
-    assert craft["area_radiation"] == 2.0
+    areas = [x for x in craft["plates"][3::9] if x > 0.0]
+    assert areas == [2.0], "its panel alone"
     assert system.components["spacecraft"].choice("aerodynamics") == "none", (
         "a class's default"
     )
@@ -645,8 +646,11 @@ INACTIVE = {
     "environment.orbit_frame",
     "environment.r_start",
     "environment.v_start",  # of a start by state
-    "spacecraft.plates",
-    "spacecraft.drive_plate",  # of plates
+    "spacecraft.area_drag",
+    "spacecraft.centre_drag_body",
+    "spacecraft.area_radiation",
+    "spacecraft.centre_radiation_body",  # of torques on an area
+    "spacecraft.drive_plate",  # of what has no drive
 }
 """Parameters that another choice of the craft makes active, in the closed loop, too."""
 
@@ -815,16 +819,28 @@ DUMPS: dict[str, Any] = {"rods": "none", "dump": "thrusters 70:10", "mass": "16k
             "sets no limit",
         ),
         (
-            {"size": "12U", "panel": "500m2 30m"},
+            {"size": "12U", "altitude": "900km", "wings": ["500m2 30m 0kg/m2"]},
             [],
-            "spacecraft.area_radiation",
+            "spacecraft.plates",
             "mostly radiation",
         ),
         (
             {"size": "12U", "altitude": "150km"},
             [],
-            "spacecraft.area_drag",
+            "spacecraft.plates",
             "mostly drag",
+        ),
+        (
+            {"size": "12U"},
+            ["spacecraft.area_drag=3"],
+            "--set spacecraft.area_drag",
+            "no torque acts on it: aerodynamics = plates, radiation = plates",
+        ),
+        (
+            {"size": "12U"},
+            ["spacecraft.aerodynamics=area", "spacecraft.centre_radiation_body=1,0,0"],
+            "--set spacecraft.centre_radiation_body",
+            "no torque acts on it: aerodynamics = area, radiation = plates",
         ),
         (
             {"size": "12U", "secular": "80Nm"},

@@ -19,6 +19,7 @@ from desat.components.contract.block import BlockError
 from desat.components.maths import runge_kutta
 from desat.components.maths.attitude import error_angle, matrix, normalise
 from desat.components.maths.vector import (
+    ZERO,
     add,
     cross,
     mat_t_vec,
@@ -550,17 +551,18 @@ def test_sixteen_plates_make_a_cylinder():
     for k in range(16):
         n = (math.cos(math.pi * k / 8), math.sin(math.pi * k / 8), 0.0)
         rows += [*n, area, *offset, 0.0, 0.0]
-    plates = torques.plates_of(tuple(rows))
+    plates = torques.plates_of(tuple(rows), ZERO)
     assert len(plates) == 16
+    still = (ZERO,) * len(plates)
     for angle in (0.0, 0.1, 0.3):
         v = (7500.0 * math.cos(angle), 7500.0 * math.sin(angle), 0.0)
         cylinder_drag = torques.drag(v, 1e-12, 2.2 * 2.0 * radius * length, offset)
-        plate_drag = torques.drag_on_plates(v, 1e-12, 2.2, plates)
+        plate_drag = torques.drag_on_plates(v, 1e-12, 2.2, plates, still)
         assert plate_drag == pytest.approx(cylinder_drag, rel=0.014, abs=1e-12)
     # exactly: sum over the facing half of cos, for a flow along one normal
     facing_area = area * sum(math.cos(math.pi * k / 8) for k in range(-3, 4))
     v = (7500.0, 0.0, 0.0)
-    assert torques.drag_on_plates(v, 1e-12, 2.2, plates) == pytest.approx(
+    assert torques.drag_on_plates(v, 1e-12, 2.2, plates, still) == pytest.approx(
         torques.drag(v, 1e-12, 2.2 * facing_area, offset), rel=1e-12, abs=1e-18
     )
 
@@ -584,7 +586,7 @@ def test_sixteen_plates_make_a_cylinder():
 )
 def test_bad_plates_are_refused(row, text):
     with pytest.raises(BlockError, match=text):
-        torques.plates_of(tuple(float(x) for x in row))
+        torques.plates_of(tuple(float(x) for x in row), ZERO)
 
 
 # --- what cannot be integrated --------------------------------------------------------

@@ -11,16 +11,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import desat as library
+from desat.analyses import motion
 from desat.begin.craft import write
 from desat.begin.facts import CraftFacts
 from desat.components.blocks.spacecraft_rigid import SpacecraftRigid
 from desat.components.contract.block import BlockError
 from desat.components.maths import vector
 from desat.components.maths.attitude import normalise, rotate, rotate_back
+from desat.components.maths.vector import ZERO
 from desat.components.physics import torques
 from desat.components.physics.gyrostat import carrier_inertia, inverse_inertia
 from desat.components.physics.orbit import MU
 from desat.runs.run import execute
+from desat.system.model import Parameter
 from desat.system.options import Options
 from tests.conftest import ROOT
 
@@ -92,16 +95,17 @@ def test_drag_and_radiation_on_an_area(v, centre):
 
 
 def plate(normal, area, centre, specular=0.0, diffuse=0.0) -> torques.Plates:
-    return torques.plates_of((*normal, area, *centre, specular, diffuse) + (0.0,) * 9)
+    row = (*normal, area, *centre, specular, diffuse)
+    return torques.plates_of(row + (0.0,) * 9, ZERO)
 
 
 def test_plates():
     box = plate((1, 0, 0), 2.0, (0, 0.1, 0)) + plate((-1, 0, 0), 2.0, (0, 0.1, 0))
     v = (7500.0, 0.0, 0.0)
     # only the plate that faces the flow counts, and head on it is its area
-    assert torques.drag_on_plates(v, 1e-12, 2.2, box) == pytest.approx(
-        torques.drag(v, 1e-12, 2.2 * 2.0, (0, 0.1, 0))
-    )
+    assert torques.drag_on_plates(
+        v, 1e-12, 2.2, box, (ZERO,) * len(box)
+    ) == pytest.approx(torques.drag(v, 1e-12, 2.2 * 2.0, (0, 0.1, 0)))
     black = torques.radiation_on_plates((1, 0, 0), 4.56e-6, box)
     assert black == pytest.approx(
         torques.radiation((1, 0, 0), 4.56e-6, 2.0, (0, 0.1, 0))
@@ -210,7 +214,7 @@ def test_a_driven_panel_faces_the_sun_as_a_flat_area_does() -> None:
     sun = normalise((0.3, 0.5, -0.8, 0.0))[:3]
     rows = (1.0, 0.0, 0.0, 2.0, 0.0, -1.5, 0.0, 0.0, 0.0) + (0.0,) * 9 * 15
     drives = (0.0, 3.0, 0.0) + (0.0,) * 45
-    plates = torques.plates_of(rows)
+    plates = torques.plates_of(rows, ZERO)
     sunward_plates = torques.facing(plates, torques.drives_of(rows, drives), sun)
     across = math.sqrt(sun[0] ** 2 + sun[2] ** 2)
     # a black plate whose normal is as near to the Sun as its drive lets it: cos is |s
@@ -221,6 +225,36 @@ def test_a_driven_panel_faces_the_sun_as_a_flat_area_does() -> None:
     )
     undriven_plates = torques.facing(plates, torques.drives_of(rows, (0.0,) * 48), sun)
     assert undriven_plates == plates
+
+
+@pytest.mark.parametrize("source", ["radiation", "drag"])
+def test_a_wing_whose_axis_points_to_the_sun_stays(source: str) -> None:
+    """Beside the block: where nothing turns it, it was not a number."""
+    rows = (0.0, 1.0, 0.0, 2.0, 0.0, -1.5, 0.3, 0.1, 0.1) + (0.0,) * 9 * 15
+    craft = SpacecraftRigid()
+    craft.plates, craft.drive_plate = rows, (1.0, 0.0, 0.0) + (0.0,) * 45
+    craft.radiation = craft.aerodynamics = 2
+    craft.sun_eci, craft.sunlight = (1.0, 0.0, 0.0), 1.0
+    craft.r_eci, craft.v_eci = (7e6, 0.0, 0.0), (0.0, 7.5e3, 0.0)
+    craft.density = 1e-12 if source == "drag" else 0.0
+    craft.check()
+    craft.start()
+    inputs = {
+        name: np.array([getattr(craft, name)], float).reshape(1, -1)
+        for name in motion.INPUTS
+    }
+    values = {v.name: getattr(craft, v.name) for v in craft.variables}
+    parameters = {k: Parameter(x, "1") for k, x in values.items()} | {
+        "radiation": Parameter("plates", "1"),
+        "aerodynamics": Parameter("plates", "1"),
+        "gravity_gradient": Parameter(False, "1"),
+    }
+    torque = motion.torque(parameters, inputs, 1.0)(0.0, np.array([[0.0, 0, 0, 1.0]]))
+    surfaces = craft._surfaces(1.0)
+    assert surfaces is not None
+    ours = surfaces(0.0, (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
+    assert torque[0] == pytest.approx(ours, rel=1e-12, abs=1e-20)
+    assert np.any(torque) == (source == "drag")
 
 
 def test_driven_panels_balance_in_a_run(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import pytest
 from desat.cli.commands import size as size_command
 from desat.report.table import ROW_UNIT, Cell, Column, Table, or_not_reached, share
 from desat.sizing import dumps, page, tables
+from desat.sizing.intervals import AssumptionShare, Interval
 from desat.sizing.momentum import SourceShare
 from desat.sizing.requirements import SizingRequirements
 from desat.sizing.result import Margin, RodsByCondition, Sizing
@@ -134,6 +135,9 @@ def sizing() -> Sizing:
         slew_torque=0.000317,
         wheel_capacity=0.382,
         wheel_torque=0.005,
+        wheel_allowed=0.382,
+        duty_allowed=0.5,
+        wheel_lost=0.0,
         time_without=5.0 * 86400.0,
         least_formula=0.0232,
         least=0.0257,
@@ -161,6 +165,9 @@ def sizing() -> Sizing:
         propellant=0.0123,
         propellant_least=0.0098,
         requirements=SizingRequirements(),
+        recommended_share=0.131,
+        intervals=(Interval("Momentum a day", "N.m.s", 0.09504, 0.04, 0.2),),
+        assumptions=(AssumptionShare("the residual dipole", "--residual-dipole", 1.0),),
         curve=(
             SizingPoint(
                 "cross product",
@@ -176,9 +183,9 @@ def sizing() -> Sizing:
             ),
         ),
         margins=(
-            Margin("rods: any law, this day", 0.0257, 0.36, "A.m2"),
-            Margin("wheels: cyclic momentum", 0.0107, 0.382, "N.m.s"),
-            Margin("wheels: torque of the slew", 0.000317, 0.005, "N.m"),
+            Margin("the day, any law", "rods", 0.0257, 0.36, "A.m2"),
+            Margin("slew", "wheel torque", 0.000317, 0.005, "N.m"),
+            Margin("the day, cyclic part", "wheels", 0.0107, 0.382, "N.m.s"),
         ),
         problems=(),
         notes=("3 whole orbits",),
@@ -186,6 +193,14 @@ def sizing() -> Sizing:
 
 
 SIZE_ROWS = [
+    ["case", "of the", "used", "allowed", "unit", "margin, %"],
+    ["the day, any law", "rods", "0.0257", "0.36", "A m2", "92.9"],
+    ["slew", "wheel torque", "0.317", "5", "mN m", "93.7"],
+    ["the day, cyclic part", "wheels", "10.7", "382", "mN m s", "97.2"],
+    ["as described", "5 %", "95 %", "unit"],
+    ["Momentum a day", "95.04", "40", "200", "mN m s"],
+    ["assumption", "share, %", "given by"],
+    ["the residual dipole", "100.0", "--residual-dipole"],
     ["Secular torque", "1.1", "uN m"],
     ["Secular momentum per orbit", "6.2", "mN m s"],
     ["Cyclic momentum, amplitude", "4.3", "mN m s"],
@@ -220,10 +235,6 @@ SIZE_ROWS = [
         "g",
     ],
     ["The same, each dump at its cheapest attitude", "9.8", "g"],
-    ["margin", "needed", "has", "unit", "times"],
-    ["rods: any law, this day", "0.0257", "0.36", "A m2", "14"],
-    ["wheels: cyclic momentum", "10.7", "382", "mN m s", "35.7"],
-    ["wheels: torque of the slew", "0.317", "5", "mN m", "15.8"],
     [
         "source",
         "secular, uN m",
@@ -291,7 +302,7 @@ def test_the_page_of_a_sizing_has_the_same_cells(tmp_path):
             in text
         )
     assert (
-        '<td class="n">10.7<td class="n">382<td class="k">mN m s<td class="n ok">35.7'
+        '<td class="n">10.7<td class="n">382<td class="k">mN m s<td class="n ok">97.2'
         in text
     )
     assert '<th class="n">secular, uN m<th class="n">along the total, %' in text

@@ -197,7 +197,7 @@ def test_a_craft_with_rods_and_thrusters_is_told_which_suffices(
     command = ["new", "craft", "c", "--size", "12U", "--sso", "500km", "--rods", rods]
     dump = ["--thrusters", "4 50mN", "--dump", "thrusters 70:10"]
     done = desat(*command, *dump, cwd=tmp_path, check=True)
-    assert "momentum is removed by  thrusters alone" in done.stdout
+    assert re.search(r"momentum is removed by +thrusters alone", done.stdout)
     assert "without it the rods would" in done.stdout
     found = size_dumps(
         str(tmp_path / "c"), Options(), SizingRequirements(flown=False, year=False)

@@ -35,7 +35,9 @@ def craft(tmp_path_factory):
     """A craft's folder `mine`, with a scenario that has half of the gain, and the
     folder around."""
     home = tmp_path_factory.mktemp("compare")
-    new_craft.write(home / "mine", CraftFacts(size="12U"), "desat new craft")
+    new_craft.write(
+        home / "mine", CraftFacts(size="12U", residual_dipole="0.09"), "desat new craft"
+    )
     (home / "mine" / "slow.toml").write_text(
         'extends = "nominal"\nparameters.manager.gain = 2e-4\nparameters.manager.null_gain = 0.0\n'
     )

@@ -28,7 +28,6 @@ TOO_LARGE = {
     "components/maths/kalman.py predict": "loops over matrices whose zeros it leaves out",
     "components/physics/rigid_body.py slopes": "unpacks what its inner function needs",
     "components/physics/rigid_body.py slope": "where a simulation spends its time",
-    "orchestrator/begin/craft.py _template_values": "one entry for each gap of a template",
     "orchestrator/engine/compiled.py _rows": "one case for each kind of operation",
     "orchestrator/engine/recording/recorder.py __init__": "one field after the other",
     "orchestrator/export/loop_fmu.py _variables": "could be split: inputs, outputs, others",

@@ -52,7 +52,9 @@ def craft(
     epoch: Annotated[
         str | None, typer.Option(help="UTC of t = 0: 2027-01-01T00:00:00Z.")
     ] = None,
-    mass: Annotated[str | None, typer.Option(help="16kg.")] = None,
+    mass: Annotated[
+        str | None, typer.Option(help='16kg; with its spread (90 %): "16kg +-10%".')
+    ] = None,
     size: Annotated[
         str | None, typer.Option(help="A CubeSat of so many units: 12U.")
     ] = None,
@@ -85,7 +87,27 @@ def craft(
     ] = None,
     panel: Annotated[
         str | None,
-        typer.Option(help='One that follows the Sun, its area and arm: "13m2 1.35m".'),
+        typer.Option(help='A wing on -y, its area and arm: "13m2 1.35m"; see --wings.'),
+    ] = None,
+    wings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--wings",
+            "--wing",
+            help='A pair, turned to the Sun: "2 x 13m2 3.2m", its area and arm; or one: "13m2 '
+            '3.2m +y". May follow: axis, fixed SIDE, mass, reflected shares (mirrored/scattered), '
+            'as "2 x 13m2 3.2m y fixed +z 3kg/m2 0.2/0.03".',
+        ),
+    ] = None,
+    dish: Annotated[
+        str | None, typer.Option(help='Diameter, side and arm: "1.2m +x 1m".')
+    ] = None,
+    cp: Annotated[
+        str | None,
+        typer.Option(
+            help="Centre of pressure from the centre of mass: 2cm,0cm,1cm; one number: in an "
+            'unknown direction. With its spread (90 %): "2cm,0cm,1cm +-1cm".'
+        ),
     ] = None,
     isp: Annotated[str | None, typer.Option(help="Specific impulse: 220s.")] = None,
     propellant: Annotated[str | None, typer.Option(help="In the tank: 5kg.")] = None,
@@ -100,7 +122,7 @@ def craft(
         str | None,
         typer.Option(
             help="A constant torque, about y or x,y,z of body: 80uNm. Given torques add up; it "
-            "replaces the class's drag, light and dipole, not a --panel or --residual-dipole."
+            "replaces the class's drag, light and dipole, not wings or --residual-dipole."
         ),
     ] = None,
     torque: Annotated[
@@ -111,7 +133,10 @@ def craft(
             "t [ms], x [mN m]. Several add up."
         ),
     ] = None,
-    residual_dipole: Annotated[str | None, typer.Option(help="0.05 (A m2).")] = None,
+    residual_dipole: Annotated[
+        str | None,
+        typer.Option(help="0.05 (A m2), in an unknown direction; or x,y,z of body."),
+    ] = None,
     sample: Annotated[
         str | None,
         typer.Option(
@@ -157,6 +182,9 @@ def craft(
         propellant,
         isp,
         sample,
+        wings,
+        dish,
+        cp,
     )
     command = shlex.join(["desat", *sys.argv[1:]])
     written, warnings = write_craft(folder, facts, command, force)

@@ -356,6 +356,7 @@ def _report_run(
 ) -> None:
     """Print the results of a run."""
     from ...engine.recording.results import SERIES
+    from ...numbers.verdicts import describe_verdicts
     from ...report.run_tables import tabulate_numbers
     from ...runs.validation import describe_kept
 
@@ -373,6 +374,9 @@ def _report_run(
         err.print(f"not met: {line}")
     for line in other.manifest.not_met if other else ():
         err.print(f"baseline: not met: {line}")
+    verdict = describe_verdicts(manifest.verdicts, len(manifest.unmet))
+    if verdict:
+        out.print(f"{verdict}.", highlight=False, markup=False)
     titles = ["this run", *(["baseline"] if other else [])]
     table = tabulate_numbers(
         manifest, other.manifest if other else None, titles, has_verdicts=True

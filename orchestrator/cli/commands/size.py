@@ -252,8 +252,9 @@ def _print_sizing(sizing: Sizing) -> None:
 
     out.print(sizing.answer, highlight=False, markup=False)
     tables_shown = [
-        tables.tabulate_quantities(sizing),
         tables.tabulate_margins(sizing),
+        *tables.tabulate_spread(sizing),
+        tables.tabulate_quantities(sizing),
         tables.tabulate_sources(sizing.sources),
     ]
     if sizing.year:
@@ -299,6 +300,8 @@ def _print_dumps(sizing: DumpSizing) -> None:
 
     out.print(sizing.answer, highlight=False, markup=False)
     tables_shown = [
+        tables.tabulate_margins(sizing),
+        *tables.tabulate_spread(sizing),
         tables.tabulate_dumps(sizing),
         tables.tabulate_dump_sources(sizing.sources),
     ]

@@ -79,7 +79,7 @@
     if (slider.form === "one" || slider.form === "element") {
       return `${slider.name}=${slider.unit ? `${shownValue} ${slider.unit}` : python(own)}`;
     }
-    const whole = slider.form === "length" ? Math.hypot(...before) : Math.max(...before.map(Math.abs));
+    const whole = slider.form === "length" ? Math.sqrt(before.reduce((sum, x) => sum + x * x, 0)) : Math.max(...before.map(Math.abs));
     const values = slider.form === "each" ? slider.there.map((t) => (t ? own : 0))
       : before.map((v) => v * (own / whole));
     return `${slider.name}=${values.map(python).join(",")}`;
@@ -382,8 +382,13 @@
     const place = $id("answer");
     if (!shown.numbers) return place.replaceChildren();
     const titles = titlesOf(shown.law);
-    const missed = Object.entries(titles).filter(([name, t]) => name in shown.numbers
-      && failed(t.required, shown.numbers[name])).map(([, t]) => t.title);
+    const judged = Object.entries(titles).filter(([name]) => name in shown.numbers)
+      .map(([name, t]) => ({ title: t.title, ...t.required, value: shown.numbers[name] }));
+    const missed = judged.filter((v) => failed(v, v.value)).map((v) => v.title);
+    // as Verdict.margin of a run: (allowed - used) / allowed
+    const margins = judged.flatMap((v) => [[1, v.max], [-1, v.min]].filter(([, limit]) => limit && v.value !== null)
+      .map(([sign, limit]) => [sign * (limit - v.value) / Math.abs(limit), v.title])).sort((a, b) => a[0] - b[0]);
+    const holds = !missed.length && !shown.unmet.length;
     const hours = (t) => (t - told.start >= 2 * 86400 ? `${number((t - told.start) / 86400)} d`
       : `${number((t - told.start) / told.seconds)} ${told.time_unit}`);
     const when = (line, limit) => {
@@ -401,9 +406,9 @@
       const [capacity] = shown.plots[0].limits;
       const [own, none] = shown.plots[0].lines;
       const full = when(own, 0.999 * capacity);
-      const margin = shown.numbers.momentum_margin;
-      parts.push(full === null ? `Holds: the fullest wheel keeps a margin of ${number(margin)} %`
-        : `Does not hold: a wheel is full after ${hours(full)}`);
+      if (full !== null) parts.push(`Does not hold: a wheel is full after ${hours(full)}`);
+      else if (!holds) parts.push("Does not hold");
+      else parts.push(margins.length ? `Holds with a margin of ${number(100 * margins[0][0])} % (${margins[0][1]})` : "Holds");
       if (none) {
         const without = when(none, capacity);
         parts.push(without === null ? `without management it would be ${number(100 * most([known(none)]) / capacity)} % full`
