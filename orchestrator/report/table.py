@@ -131,6 +131,11 @@ class Table:
             for row in self.rows
         ]
 
+    def texts(self) -> list[list[str]]:
+        """Return headings, where there are some, and rows as texts."""
+        rows = [[str(cell.value or "") for cell in row] for row in self.cells()]
+        return [self.headings(), *rows] if self.has_header else rows
+
     def part(self, columns: Sequence[int], rows: Sequence[int]) -> Table:
         """Return some columns and rows, in the units of the whole table."""
         return replace(

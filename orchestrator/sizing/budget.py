@@ -111,12 +111,6 @@ def _origins(file: Path) -> Iterator[tuple[str, str, str]]:
             yield f"{section} {match[1]}".strip(), value, match[3]
 
 
-def cells_of(table: Table) -> list[list[str]]:
-    """Return headings and rows of a table as texts."""
-    rows = [[str(cell.value or "") for cell in row] for row in table.cells()]
-    return [table.headings(), *rows] if table.has_header else rows
-
-
 def as_html(budget: Budget) -> str:
     """Return the sheet as a page that prints on A4."""
     return render("budget.html", title=budget.title, budget=budget)
@@ -152,7 +146,7 @@ def as_csv(budget: Budget) -> str:
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow([budget.title, budget.answer])
     for table in budget.tables:
-        writer.writerows([[], [table.title], *cells_of(table)])
+        writer.writerows([[], [table.title], *table.texts()])
     writer.writerows([[], [budget.source]])
     return out.getvalue()
 
@@ -190,7 +184,7 @@ def as_pdf(budget: Budget) -> bytes:
         pdf.ln(1.5)
         write(table.title, 8.5, "B")
         pdf.set_font("helvetica", "", 6.5)
-        rows = cells_of(table)
+        rows = table.texts()
         widths = [max(4, max(len(row[k]) for row in rows)) for k in range(len(rows[0]))]
         alignment = tuple(
             "LEFT" if c.kind == "text" else "RIGHT" for c in table.columns
@@ -234,7 +228,7 @@ def write(budget: Budget, form: str, path: Path) -> Path:
 
 def _with_header(table: Table) -> list[list[str]]:
     """Return headings and rows, with empty headings where the table shows none."""
-    rows = cells_of(table)
+    rows = table.texts()
     return rows if table.has_header else [[""] * len(table.columns), *rows]
 
 

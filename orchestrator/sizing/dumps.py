@@ -246,6 +246,11 @@ class DumpSizing:
     def __repr__(self) -> str:
         return f"<DumpSizing {self.answer}>"
 
+    def _repr_html_(self) -> str:
+        from .tables import as_html
+
+        return as_html(self)
+
     @property
     def years(self) -> float:
         """Return how long the tank lasts (years); nan if its content is unknown."""

@@ -164,6 +164,11 @@ class Sizing:
     def __repr__(self) -> str:
         return f"<Sizing {self.answer}>"
 
+    def _repr_html_(self) -> str:
+        from .tables import as_html
+
+        return as_html(self)
+
     @property
     def duty(self) -> float:
         """Return the required duty of the coils (1)."""

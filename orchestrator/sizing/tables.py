@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from html import escape
 from math import inf
 
 import numpy as np
@@ -22,6 +23,15 @@ QUANTITIES = (
     Column("", kind="unit"),
 )  #: Columns of a table of quantities: name, value, unit.
 UNEXPLAINED = "of no source"
+
+
+def as_html(sizing: Sizing | DumpSizing) -> str:
+    """Return what a notebook shows: the answer, the cases and the intervals."""
+    parts = [f"<p>{escape(sizing.answer)}</p>"]
+    for table in (tabulate_margins(sizing), *tabulate_spread(sizing)):
+        cells = ("".join(f"<td>{escape(x)}</td>" for x in row) for row in table.texts())
+        parts.append(f"<table>{''.join(f'<tr>{x}</tr>' for x in cells)}</table>")
+    return "".join(parts)
 
 
 def tabulate_quantities(sizing: Sizing) -> Table:

@@ -63,8 +63,15 @@ def test_needs_grow_by_the_users_factor(craft, sizing):
     assert sheet.answer.endswith("Needs times 1.2: it does not hold.")
     assert "--margin-factor 1.2" in sheet.source
     used = [m.used for m in sizing.margins if m.of == "wheels"]
-    (row,) = [r for r in budget.cells_of(sheet.tables[0]) if r[1] == "wheels"]
+    (row,) = [r for r in sheet.tables[0].texts() if r[1] == "wheels"]
     assert float(row[2]) == pytest.approx(1.2 * used[0], rel=1e-3)
+
+
+def test_a_notebook_shows_the_answer_and_the_cases(sizing):
+    text = sizing._repr_html_()
+    assert sizing.answer in text
+    assert "<td>where a dump begins</td><td>wheels</td>" in text
+    assert "<td>Time between dumps</td>" in text
 
 
 def test_texts_are_escaped(craft, sizing):
