@@ -22,6 +22,7 @@ from ..report.table import Column, Table
 from ..system.errors import DesatError
 from . import tables
 from .dumps import DumpSizing
+from .margins import tabulate_margins, tabulate_spread
 from .page import versions
 from .result import Sizing
 
@@ -62,7 +63,7 @@ def budget_of(
     margins = [m._replace(used=factor * m.used) for m in sizing.margins]
     holds = not sizing.problems and all(m.margin >= 0.0 for m in margins)
     sheet = replace(sizing, margins=tuple(sorted(margins, key=lambda m: m.margin)))
-    sheet_tables = [tables.tabulate_margins(sheet)]
+    sheet_tables = [tabulate_margins(sheet.margins)]
     if isinstance(sheet, Sizing):
         sheet_tables += [
             tables.tabulate_sources(sheet.sources, sheet.unexplained),
@@ -73,7 +74,7 @@ def budget_of(
             tables.tabulate_dump_sources(sheet.sources),
             tables.tabulate_dumps(sheet),
         ]
-    sheet_tables += tables.tabulate_spread(sheet)
+    sheet_tables += tabulate_spread(sheet.intervals, sheet.assumptions)
     sheet_tables += [_tabulate_origins(folder / CRAFT)]
     command = f"desat budget {sizing.target}"
     if factor != 1.0:

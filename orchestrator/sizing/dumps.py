@@ -79,6 +79,15 @@ from .intervals import (
     interval,
 )
 from .law import UnsuitedError
+from .margins import (
+    Margin,
+    as_html,
+    describe_margins,
+    finite,
+    margins_as_json,
+    tabulate_margins,
+    tabulate_spread,
+)
 from .momentum import (
     SourceShare,
     compute_slew,
@@ -87,7 +96,6 @@ from .momentum import (
 )
 from .propellant import GRAVITY, YEAR, thruster_cost
 from .requirements import SizingRequirements
-from .result import Margin, describe_margins, finite, margins_as_json
 from .rods import find_rods_of_laws, other_laws
 from .scenarios import closed_loop_only, doubts, find_worst_scenario
 from .year import YearDate, days_of_year
@@ -247,9 +255,8 @@ class DumpSizing:
         return f"<DumpSizing {self.answer}>"
 
     def _repr_html_(self) -> str:
-        from .tables import as_html
-
-        return as_html(self)
+        tables = tabulate_spread(self.intervals, self.assumptions)
+        return as_html(self.answer, (tabulate_margins(self.margins), *tables))
 
     @property
     def years(self) -> float:

@@ -25,6 +25,7 @@ from ..report.table import Table
 from . import tables
 from .dumps import DumpSizing
 from .map import SizingMap
+from .margins import tabulate_margins, tabulate_spread
 from .result import Sizing
 
 # colours from the smallest to the largest rod of a map
@@ -56,7 +57,10 @@ def write_sizing(sizing: Sizing, path: Path) -> Path:
     about = (
         f"{sizing.orbits} orbits of {sizing.period:.0f} s, attitude: {sizing.attitude}."
     )
-    first = [tables.tabulate_margins(sizing), *tables.tabulate_spread(sizing)]
+    first = [
+        tabulate_margins(sizing.margins),
+        *tabulate_spread(sizing.intervals, sizing.assumptions),
+    ]
     return _write(
         path,
         f"Size of {sizing.target}",
@@ -94,8 +98,8 @@ def write_dumps(sizing: DumpSizing, path: Path) -> Path:
         )
         tables_shown.append(tables.tabulate_dump_days(sizing))
     first = [
-        tables.tabulate_margins(sizing),
-        *tables.tabulate_spread(sizing),
+        tabulate_margins(sizing.margins),
+        *tabulate_spread(sizing.intervals, sizing.assumptions),
         tables.tabulate_dumps(sizing),
     ]
     about = f"Attitude: {sizing.attitude}."

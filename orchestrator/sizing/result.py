@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from math import inf
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import NamedTuple
 
 from ..analyses.flight import Attitude
 from ..numbers.text import format_duration, format_momenta
-from ..numbers.verdicts import margin_of
 from ..system.typed import JsonObject
 from .intervals import (
     SHARE,
@@ -21,25 +18,19 @@ from .intervals import (
     describe_width,
     gravity_leads,
 )
+from .margins import (
+    Margin,
+    as_html,
+    describe_margins,
+    finite,
+    margins_as_json,
+    tabulate_margins,
+    tabulate_spread,
+)
 from .momentum import SourceShare
 from .requirements import SizingRequirements
 from .rods import LARGEST_MULTIPLE, Best, SizingPoint
 from .year import YearDate
-
-
-class Margin(NamedTuple):
-    """What a craft uses of something in a case, beside what it is allowed."""
-
-    case: str
-    of: str  # wheels, coils, rods, propellant, ...
-    used: float
-    limit: float
-    unit: str
-
-    @property
-    def margin(self) -> float:
-        """Return the margin (1), (limit - used) / limit: below 0 it does not hold."""
-        return margin_of(self.used, self.limit)
 
 
 class Course(NamedTuple):
@@ -165,9 +156,8 @@ class Sizing:
         return f"<Sizing {self.answer}>"
 
     def _repr_html_(self) -> str:
-        from .tables import as_html
-
-        return as_html(self)
+        tables = tabulate_spread(self.intervals, self.assumptions)
+        return as_html(self.answer, (tabulate_margins(self.margins), *tables))
 
     @property
     def duty(self) -> float:
@@ -250,37 +240,6 @@ class Sizing:
         if self.worst_day:
             return f"the worst day of the year ({self.worst_day})"
         return "the day of the scenario"
-
-
-def finite(value: Any) -> Any:
-    """Convert a value for JSON: numbers that are not finite become null."""
-    if isinstance(value, dict):
-        return {k: finite(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [finite(v) for v in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
-
-
-def margins_as_json(margins: Sequence[Margin]) -> list[JsonObject]:
-    """Return margins as `--json` prints them."""
-    return [finite(m._asdict() | {"margin": m.margin}) for m in margins]
-
-
-def describe_margins(margins: Sequence[Margin]) -> str:
-    """Say in which case the least of each kind is left, the worst first."""
-    least: dict[str, Margin] = {}
-    for m in sorted(margins, key=lambda m: m.margin):
-        least.setdefault(m.of, m)
-    by_case: dict[str, list[Margin]] = {}
-    for m in least.values():
-        by_case.setdefault(m.case, []).append(m)
-    texts = []
-    for case, rows in by_case.items():
-        margins_text = " and ".join(
-            f"{100.0 * m.margin:.0f} % of the {m.of}" for m in rows
-        )
-        texts.append(f"{margins_text} ({case})")
-    return f"margins of {', '.join(texts)}" if texts else ""
 
 
 def find_margins(sizing: Sizing, courses: Mapping[str, Course]) -> list[Margin]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from html import escape
 from math import inf
 
 import numpy as np
@@ -23,15 +22,6 @@ QUANTITIES = (
     Column("", kind="unit"),
 )  #: Columns of a table of quantities: name, value, unit.
 UNEXPLAINED = "of no source"
-
-
-def as_html(sizing: Sizing | DumpSizing) -> str:
-    """Return what a notebook shows: the answer, the cases and the intervals."""
-    parts = [f"<p>{escape(sizing.answer)}</p>"]
-    for table in (tabulate_margins(sizing), *tabulate_spread(sizing)):
-        cells = ("".join(f"<td>{escape(x)}</td>" for x in row) for row in table.texts())
-        parts.append(f"<table>{''.join(f'<tr>{x}</tr>' for x in cells)}</table>")
-    return "".join(parts)
 
 
 def tabulate_quantities(sizing: Sizing) -> Table:
@@ -98,39 +88,6 @@ def tabulate_quantities(sizing: Sizing) -> Table:
     return Table("Numbers", QUANTITIES, rows, has_header=False, is_scaled=True)
 
 
-def tabulate_spread(sizing: Sizing | DumpSizing) -> tuple[Table, ...]:
-    """Tabulate intervals over what is not known for sure, and what carries them.
-
-    There is no table where all is known.
-    """
-    if not sizing.intervals:
-        return ()
-    columns = [
-        Column("", kind="text"),
-        Column("as described", ROW_UNIT, ".4g"),
-        Column("5 %", ROW_UNIT, ".4g"),
-        Column("95 %", ROW_UNIT, ".4g"),
-        Column("unit", kind="unit"),
-    ]
-    rows: list[Row] = []
-    for title, unit, *values in sizing.intervals:
-        if unit == "s":
-            texts = [format_duration(x) if x < inf else "never" for x in values]
-            rows.append((title, *texts, ""))
-        else:
-            rows.append((title, *values, unit))
-    carrying = [
-        Column("assumption", kind="text"),
-        Column("share, %", form=".1f"),
-        Column("given by", kind="text"),
-    ]
-    shares = [(x.title, 100.0 * x.share, x.option) for x in sizing.assumptions]
-    return (
-        Table("How far it spreads over what is assumed", columns, rows, is_scaled=True),
-        Table("What carries the width", carrying, shares),
-    )
-
-
 def _duration(title: str, seconds: float) -> Row:
     """Return a row with a duration (s)."""
     return title, format_duration(seconds), ""
@@ -141,30 +98,6 @@ def _propellant(title: str, mass: float) -> Row:
     if mass == inf:
         return title, "no layout gives it", ""
     return title, mass, "kg"
-
-
-def tabulate_margins(sizing: Sizing | DumpSizing) -> Table:
-    """Tabulate what each case takes beside what is allowed, the worst case first."""
-    columns = [
-        Column("case", kind="text"),
-        Column("of the", kind="text"),
-        Column("used", ROW_UNIT, ".4g"),
-        Column("allowed", ROW_UNIT, ".4g"),
-        Column("unit", kind="unit"),
-        Column("margin, %", form=".3g"),
-    ]
-    rows = [
-        (
-            m.case,
-            m.of,
-            m.used,
-            m.limit,
-            m.unit,
-            Cell(100.0 * m.margin, mark="bad" if m.margin < 0.0 else "ok"),
-        )
-        for m in sizing.margins
-    ]
-    return Table("Cases", columns, rows, is_scaled=True)
 
 
 def tabulate_sources(

@@ -13,9 +13,10 @@ from desat.cli.commands import size as size_command
 from desat.report.table import ROW_UNIT, Cell, Column, Table, or_not_reached, share
 from desat.sizing import dumps, page, tables
 from desat.sizing.intervals import AssumptionShare, Interval
+from desat.sizing.margins import Margin
 from desat.sizing.momentum import SourceShare
 from desat.sizing.requirements import SizingRequirements
-from desat.sizing.result import Margin, RodsByCondition, Sizing
+from desat.sizing.result import RodsByCondition, Sizing
 from desat.sizing.rods import Best, SizingPoint
 from desat.sizing.year import YearDate
 

@@ -249,11 +249,12 @@ def _slew(text: str | None) -> tuple[float, float]:
 def _print_sizing(sizing: Sizing) -> None:
     """Print a sizing."""
     from ...sizing import tables
+    from ...sizing.margins import tabulate_margins, tabulate_spread
 
     out.print(sizing.answer, highlight=False, markup=False)
     tables_shown = [
-        tables.tabulate_margins(sizing),
-        *tables.tabulate_spread(sizing),
+        tabulate_margins(sizing.margins),
+        *tabulate_spread(sizing.intervals, sizing.assumptions),
         tables.tabulate_quantities(sizing),
         tables.tabulate_sources(sizing.sources),
     ]
@@ -297,11 +298,12 @@ def _print_sized(as_json: bool) -> Callable[[DumpSizing], None]:
 def _print_dumps(sizing: DumpSizing) -> None:
     """Print a sizing of dumps."""
     from ...sizing import tables
+    from ...sizing.margins import tabulate_margins, tabulate_spread
 
     out.print(sizing.answer, highlight=False, markup=False)
     tables_shown = [
-        tables.tabulate_margins(sizing),
-        *tables.tabulate_spread(sizing),
+        tabulate_margins(sizing.margins),
+        *tabulate_spread(sizing.intervals, sizing.assumptions),
         tables.tabulate_dumps(sizing),
         tables.tabulate_dump_sources(sizing.sources),
     ]

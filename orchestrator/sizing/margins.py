@@ -1,0 +1,130 @@
+"""Say what a craft uses in each case beside what it is allowed, and the margin left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from math import inf
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..numbers.text import format_duration
+from ..numbers.verdicts import margin_of
+from ..report.table import ROW_UNIT, Cell, Column, Row, Table
+from ..system.typed import JsonObject
+from .intervals import AssumptionShare, Interval
+
+
+class Margin(NamedTuple):
+    """What a craft uses of something in a case, beside what it is allowed."""
+
+    case: str
+    of: str  # wheels, coils, rods, propellant, ...
+    used: float
+    limit: float
+    unit: str
+
+    @property
+    def margin(self) -> float:
+        """Return the margin (1), (limit - used) / limit: below 0 it does not hold."""
+        return margin_of(self.used, self.limit)
+
+
+def finite(value: Any) -> Any:
+    """Convert a value for JSON: numbers that are not finite become null."""
+    if isinstance(value, dict):
+        return {k: finite(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(v) for v in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def margins_as_json(margins: Sequence[Margin]) -> list[JsonObject]:
+    """Return margins as `--json` prints them."""
+    return [finite(m._asdict() | {"margin": m.margin}) for m in margins]
+
+
+def describe_margins(margins: Sequence[Margin]) -> str:
+    """Say in which case the least of each kind is left, the worst first."""
+    least: dict[str, Margin] = {}
+    for m in sorted(margins, key=lambda m: m.margin):
+        least.setdefault(m.of, m)
+    by_case: dict[str, list[Margin]] = {}
+    for m in least.values():
+        by_case.setdefault(m.case, []).append(m)
+    texts = []
+    for case, rows in by_case.items():
+        margins_text = " and ".join(
+            f"{100.0 * m.margin:.0f} % of the {m.of}" for m in rows
+        )
+        texts.append(f"{margins_text} ({case})")
+    return f"margins of {', '.join(texts)}" if texts else ""
+
+
+def tabulate_margins(margins: Sequence[Margin]) -> Table:
+    """Tabulate what each case takes beside what is allowed, the worst case first."""
+    columns = [
+        Column("case", kind="text"),
+        Column("of the", kind="text"),
+        Column("used", ROW_UNIT, ".4g"),
+        Column("allowed", ROW_UNIT, ".4g"),
+        Column("unit", kind="unit"),
+        Column("margin, %", form=".3g"),
+    ]
+    rows = [
+        (
+            m.case,
+            m.of,
+            m.used,
+            m.limit,
+            m.unit,
+            Cell(100.0 * m.margin, mark="bad" if m.margin < 0.0 else "ok"),
+        )
+        for m in margins
+    ]
+    return Table("Cases", columns, rows, is_scaled=True)
+
+
+def tabulate_spread(
+    intervals: Sequence[Interval], assumptions: Sequence[AssumptionShare]
+) -> tuple[Table, ...]:
+    """Tabulate intervals over what is not known for sure, and what carries them.
+
+    There is no table where all is known.
+    """
+    if not intervals:
+        return ()
+    columns = [
+        Column("", kind="text"),
+        Column("as described", ROW_UNIT, ".4g"),
+        Column("5 %", ROW_UNIT, ".4g"),
+        Column("95 %", ROW_UNIT, ".4g"),
+        Column("unit", kind="unit"),
+    ]
+    rows: list[Row] = []
+    for title, unit, *values in intervals:
+        if unit == "s":
+            texts = [format_duration(x) if x < inf else "never" for x in values]
+            rows.append((title, *texts, ""))
+        else:
+            rows.append((title, *values, unit))
+    carrying = [
+        Column("assumption", kind="text"),
+        Column("share, %", form=".1f"),
+        Column("given by", kind="text"),
+    ]
+    shares = [(x.title, 100.0 * x.share, x.option) for x in assumptions]
+    return (
+        Table("How far it spreads over what is assumed", columns, rows, is_scaled=True),
+        Table("What carries the width", carrying, shares),
+    )
+
+
+def as_html(answer: str, tables: Sequence[Table]) -> str:
+    """Return what a notebook shows: the answer and tables."""
+    parts = [f"<p>{escape(answer)}</p>"]
+    for table in tables:
+        cells = ("".join(f"<td>{escape(x)}</td>" for x in row) for row in table.texts())
+        parts.append(f"<table>{''.join(f'<tr>{x}</tr>' for x in cells)}</table>")
+    return "".join(parts)
