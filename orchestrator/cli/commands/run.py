@@ -375,7 +375,7 @@ def _report_run(
     for line in other.manifest.not_met if other else ():
         err.print(f"baseline: not met: {line}")
     verdict = describe_verdicts(manifest.verdicts, len(manifest.unmet))
-    if verdict:
+    if verdict and manifest.completed:
         out.print(f"{verdict}.", highlight=False, markup=False)
     titles = ["this run", *(["baseline"] if other else [])]
     table = tabulate_numbers(
