@@ -322,14 +322,13 @@ class DumpSizing:
         if not self.intervals:
             return ""
         text = f"gains {describe_interval(self.intervals[0])}: a dump each "
-        between = self.intervals[1]
+        a_day, between = self.intervals[:2]
+        text += format_duration(between.nominal)
+        width = describe_width(a_day, self.assumptions)
         ends = " to ".join(
             format_duration(x) if x < inf else "never" for x in between[3:]
         )
-        return (
-            f"{text}{format_duration(between.nominal)} ({ends}; "
-            f"{describe_width(self.assumptions)}). It "
-        )
+        return f"{text}{width and f' ({ends}{width})'}. It "
 
     def _about_rods(self) -> str:
         """Say whether the craft's rods would hold it without propellant, if it has some."""

@@ -40,6 +40,7 @@ DRAWS, FOLLOWED = 500, 100
 SEED = 1  # of the draws
 ROWS = 720  # most rows of the impulses
 LOW, HIGH = 5.0, 95.0  # %, ends of an interval
+WIDTH = 1.01  # ends of an interval over each other, from which on it has a width
 SHARE = 0.95  # of the draws for which recommended rods hold
 # Of each source the parameter that it is affine in, and those that it is in proportion to.
 AFFINE = {
@@ -276,7 +277,9 @@ def _least_rods(flight: Flight, hardware: Hardware, torque: Array) -> Array:
 
 
 def describe_interval(row: Interval) -> str:
-    """Return the momentum of a day with its interval."""
+    """Return the momentum of a day with its interval, where that has a width."""
+    if row.high <= WIDTH * row.low:
+        return f"{format_momenta(row.nominal)} a day"
     return (
         f"{format_momenta(row.nominal)} a day "
         f"({format_momenta(row.low, row.high, ' to ')} in 90 % of what is assumed)"
@@ -301,11 +304,13 @@ def gravity_leads(
     )
 
 
-def describe_width(assumptions: Sequence[AssumptionShare]) -> str:
-    """Say which assumption carries most of the width, and what narrows it."""
+def describe_width(row: Interval, assumptions: Sequence[AssumptionShare]) -> str:
+    """Say which assumption carries most of the width, if any, and what narrows it."""
+    if row.high <= WIDTH * row.low:
+        return ""
     first = assumptions[0]
     narrows = f": {first.option} narrows it" if first.option else ""
-    return f"{100.0 * first.share:.0f} % of the width is {first.title}{narrows}"
+    return f"; {100.0 * first.share:.0f} % of the width is {first.title}{narrows}"
 
 
 def follow(

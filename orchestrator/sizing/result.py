@@ -225,9 +225,9 @@ class Sizing:
         """Return how far the momentum a day spreads, and why; "" where all is known."""
         if not self.intervals:
             return ""
-        return f" It gains {describe_interval(self.intervals[0])}; " + (
-            f"{describe_width(self.assumptions)}."
-        )
+        a_day = self.intervals[0]
+        width = describe_width(a_day, self.assumptions)
+        return f" It gains {describe_interval(a_day)}{width}."
 
     def _held(self) -> str:
         """Return the hardest condition under which the recommended rods hold."""
