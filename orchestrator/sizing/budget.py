@@ -94,7 +94,7 @@ def budget_of(
 def _tabulate_origins(file: Path) -> Table:
     """Tabulate the values of a craft file that say where they are from."""
     columns = [Column(x, kind="text") for x in ("given or assumed", "value", "from")]
-    return Table("What it is source of", columns, list(_origins(file)))
+    return Table("What it is made of", columns, list(_origins(file)))
 
 
 def _origins(file: Path) -> Iterator[tuple[str, str, str]]:
