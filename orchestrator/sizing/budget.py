@@ -28,7 +28,7 @@ from .result import Sizing
 
 CRAFT = "craft.toml"
 SPREADS = "dispersions"  # section of what is not known for sure
-LONGEST_VALUE = 38  # characters of a value of the craft file that are sheet_tables
+LONGEST_VALUE = 38  # characters of a value of the craft file that are shown
 _LINE = re.compile(r'"?([\w.]+)"? = (.+?)\s+# (.*)')
 _TEX = {"%": r"\%", "&": r"\&", "_": r"\_", "#": r"\#", "^": r"\^{}", "~": r"\~{}"}
 
