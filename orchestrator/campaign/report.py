@@ -35,10 +35,11 @@ from ..numbers.limits import limits_of
 from ..numbers.numbers import late
 from ..numbers.text import number as shown
 from ..numbers.text import spell_unit
+from ..report.cases import CraftCases, find_cases
 from ..report.report import data_element, figures_of, render, write_page
 from ..report.table import ROW_UNIT, Column, Row, Table, or_not_reached
 from ..runs.manifest import write_json
-from ..runs.prepare import prepare
+from ..runs.prepare import prepare, resolved
 from ..system.errors import DesatError
 from ..system.model import table as parameters_of
 from ..system.typed import JsonObject
@@ -397,6 +398,7 @@ def write(folder: Path) -> tuple[Path, CampaignSummary]:
     text = render(
         "campaign.html",
         told=entry,
+        cases=_cases(folder, plan),
         plan=plan,
         title=f"{_name_of(plan, summarised)}: campaign of {summarised.count} cases",
         **figures_of([(f.caption, f.figure) for f in figures]),
@@ -417,6 +419,15 @@ def write(folder: Path) -> tuple[Path, CampaignSummary]:
         kept=sorted(p.name for p in (folder / "kept").glob("*")),
     )
     return write_page(folder / "report.html", text), summarised
+
+
+def _cases(folder: Path, plan: CampaignPlan) -> list[CraftCases]:
+    """Return the cases of the craft's sizing, if one is beside the campaign."""
+    try:
+        craft, _ = resolved(plan.target, plan.options)
+    except DesatError:
+        return []
+    return find_cases(folder.parent, [craft.parameters])
 
 
 def _name_of(plan: CampaignPlan, summarised: CampaignSummary) -> str:

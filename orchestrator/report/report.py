@@ -26,6 +26,7 @@ from ..runs.run import Run
 from ..runs.validation import describe_kept
 from ..system import discovery
 from . import scene
+from .cases import find_cases
 from .policy import PLACEHOLDER, PageScripts, part
 from .run_tables import tabulate_numbers, tabulate_verdicts
 
@@ -104,6 +105,7 @@ def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
         source=about.source,
         manifest=manifest,
         numbers=numbers,
+        cases=find_cases(folder.parent, [manifest.parameters]),
         verdicts=tabulate_verdicts(manifest.verdicts),
         baseline_label=runs[1][0] if baseline else "",
         baseline_name=baseline.manifest.scenario if baseline else "",

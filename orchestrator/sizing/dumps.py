@@ -26,7 +26,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from itertools import pairwise
-from math import ceil, hypot, inf, nan, pi, sqrt
+from math import ceil, floor, hypot, inf, nan, pi, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -55,7 +55,8 @@ from ..analyses.motion import BEYOND
 from ..campaign.draws import series_of_numbers
 from ..language.content import content_of
 from ..numbers.derived import rotate, rotate_back
-from ..numbers.text import format_duration
+from ..numbers.text import format_duration, format_momenta
+from ..report.cases import Margin, tabulate_margins
 from ..runs.case import Case
 from ..runs.prepare import prepare, read, resolved
 from ..runs.run import Run, simulate
@@ -65,6 +66,7 @@ from ..system.model import System
 from ..system.options import Options
 from ..system.parameters import bare_block, unit_of
 from ..system.typed import JsonObject
+from .changes import would_do
 from .compatibility import terms_of
 from .intervals import (
     SHARE,
@@ -80,12 +82,10 @@ from .intervals import (
 )
 from .law import UnsuitedError
 from .margins import (
-    Margin,
     as_html,
     describe_margins,
     finite,
     margins_as_json,
-    tabulate_margins,
     tabulate_spread,
 )
 from .momentum import (
@@ -96,7 +96,7 @@ from .momentum import (
 )
 from .propellant import GRAVITY, YEAR, thruster_cost
 from .requirements import SizingRequirements
-from .rods import find_rods_of_laws, other_laws
+from .rods import find_rods_of_laws, other_laws, round_up
 from .scenarios import closed_loop_only, doubts, find_worst_scenario
 from .year import YearDate, days_of_year
 
@@ -118,6 +118,9 @@ LOOP = {
     "dump_propellant": "kg",
     "pointing_largest": "deg",
 }
+# Cases: those that are no problem of the model.
+SLEW_CASE, LOOP_CASE = "slew at that time", "closed loop"
+ASSUMED = f"{100.0 * SHARE:g} % of what is assumed"
 LONGEST = 20.0 * YEAR  # s: maximum time to the first dumps
 PARTS = 5  # days of a scenario that are examined
 # Spacing of rows in deep space (s), and maximum number of rows of a flight through all
@@ -246,6 +249,7 @@ class DumpSizing:
     # through the dumps of the scenario's time; None: they are too many, or too late
     course: DumpCourse | None = None
     margins: tuple[Margin, ...] = ()  # worst first
+    change: str = ""  # the smallest one with which it would hold, as a sentence
     intervals: tuple[Interval, ...] = ()  # over what is not known for sure
     assumptions: tuple[
         AssumptionShare, ...
@@ -288,7 +292,9 @@ class DumpSizing:
         """Return the sentence that answers the sizing."""
         if self.problems:
             gravity = gravity_leads(self.sources, self.assumptions)
-            return f"{self.target} cannot hold: {self.problems[0]}.{gravity}"
+            return (
+                f"{self.target} cannot hold: {self.problems[0]}.{self.change}{gravity}"
+            )
         if self.steady.interval == inf:
             return f"{self.target}: its wheels never come to {self.begin:.4g} N m s: no dump."
         each = f"{1e3 * self.steady.propellant:.3g} g each"
@@ -459,19 +465,82 @@ def size(
         sizing,
         intervals=rows,
         assumptions=shares,
-        problems=(*wheels.warnings(system), *_problems(sizing)),
         notes=(*notes, *_notes(sizing, requirements)),
     )
-    sizing = replace(sizing, margins=tuple(_margins(system, sizing)))
+    sizing = _judged(system, sizing, (), requirements)
     if not (requirements.flown and (steady.first < window or options.stop is not None)):
         return sizing
     sized(sizing)
     causes = list(_causes(system, law, hardware))
     flights = _lengths_of_flights(system, options, window, steady, whole_run)
     loop, unmet = _fly_loops(target, options, flights, causes, progress)
-    sizing = replace(sizing, loop=loop, problems=(*sizing.problems, *unmet))
-    sizing = replace(sizing, margins=tuple(_margins(system, sizing)))
+    sizing = _judged(system, replace(sizing, loop=loop), unmet, requirements)
     return replace(sizing, notes=(*notes, *_notes(sizing, requirements)))
+
+
+def _judged(
+    system: System,
+    sizing: DumpSizing,
+    unmet: Sequence[str],
+    requirements: SizingRequirements,
+) -> DumpSizing:
+    """Return a sizing with margins, problems, and what would do if it has some.
+
+    `unmet` are the requirements that the closed loop misses.
+    """
+    margins = _margins(system, sizing)
+    problems = (*wheels.warnings(system), *_problems(sizing, margins), *unmet)
+    change = ""
+    if problems:
+        change = _describe_change(sizing, margins, requirements)
+    return replace(sizing, margins=tuple(margins), problems=problems, change=change)
+
+
+def _describe_change(
+    sizing: DumpSizing, margins: Sequence[Margin], requirements: SizingRequirements
+) -> str:
+    """Say what would do for a craft that dumps by thrusters; "" where nothing would."""
+    changes = list(_changes_of_dumps(sizing, margins, requirements))
+    return would_do("; ".join(changes))
+
+
+def _changes_of_dumps(
+    sizing: DumpSizing, margins: Sequence[Margin], requirements: SizingRequirements
+) -> Iterator[str]:
+    """Yield the smallest change for each thing that there is too little of."""
+    short = [m for m in margins if m.margin < 0.0]
+    capacity = sizing.capacity
+    wheels = [capacity * m.used / m.limit for m in short if m.of == "wheels"]
+    larger = f"wheels of {format_momenta(round_up(max(wheels, default=0.0)))} each"
+    has_torque = sizing.slew_torque <= sizing.wheel_torque
+    free = capacity - sizing.begin
+    if sizing.slew_momentum > 0.0 and free > 0.0 and (wheels or not has_torque):
+        longer = max(
+            sqrt(sizing.slew_torque / sizing.wheel_torque), sizing.slew_momentum / free
+        )
+        slew = f"a slew of {format_duration(longer * requirements.slew_time)}"
+        yield f"{slew}, or {larger}" if has_torque else slew
+    elif wheels:
+        limit = min(m.limit for m in short if m.of == "wheels")
+        if limit > sizing.end + 0.5 * sizing.pulse:
+            share = floor(100.0 * limit / capacity)
+            yield f"dumps that begin at {share} % of a wheel, or {larger}"
+        else:
+            yield larger
+    if 0.5 * sizing.pulse >= sizing.begin - sizing.end:
+        end = sizing.begin - 0.55 * sizing.pulse
+        if end > 0.0:
+            yield f"dumps that end at {format_momenta(end)}"
+    for propellant in (m for m in short[::-1] if m.of == "propellant"):
+        most = sizing.steady.a_year * propellant.limit / propellant.used
+        enough = [t for t in sizing.thresholds if t.a_year <= most]
+        if enough:
+            t = min(enough, key=lambda t: abs(t.begin - sizing.begin))
+            share = round(100.0 * t.begin / capacity)
+            yield f"dumps that begin at {share} % of a wheel ({t.a_year:.3g} kg a year)"
+        else:
+            yield f"{propellant.used:.3g} kg of propellant a year"
+        break
 
 
 def _margins(system: System, sizing: DumpSizing) -> list[Margin]:
@@ -489,20 +558,17 @@ def _margins(system: System, sizing: DumpSizing) -> list[Margin]:
         )
         if sizing.slew_momentum > 0.0:
             both = sizing.begin + sizing.slew_momentum
-            rows.append(
-                Margin("slew at that time", "wheels", both, sizing.capacity, "N.m.s")
-            )
+            rows.append(Margin(SLEW_CASE, "wheels", both, sizing.capacity, "N.m.s"))
     if (a_year := limits.get("propellant_a_year")) is not None:
         cases = {"the dates of a year, mean": sizing.a_year}
         if sizing.intervals:
-            title = f"{100.0 * SHARE:g} % of what is assumed"
-            cases[title] = sizing.intervals[2].high
+            cases[ASSUMED] = sizing.intervals[2].high
         for case, used in cases.items():
             rows.append(Margin(case, "propellant", used, a_year, "kg"))
     pointing = sizing.loop.get("pointing_largest")
     if pointing is not None and "pointing_largest" in limits:
         limit = limits["pointing_largest"]
-        rows.append(Margin("closed loop", "pointing", pointing, limit, "deg"))
+        rows.append(Margin(LOOP_CASE, "pointing", pointing, limit, "deg"))
     return sorted(rows, key=lambda m: m.margin)
 
 
@@ -1179,20 +1245,23 @@ def _stays(flight: Flight, law: ThresholdLaw, sizes: Array) -> bool:
     )
 
 
-def _problems(sizing: DumpSizing) -> Iterator[str]:
+def _problems(sizing: DumpSizing, margins: Sequence[Margin]) -> Iterator[str]:
     """Yield a line for each reason why dumps cannot work."""
-    if sizing.begin > sizing.capacity:
-        yield (
-            f"dumps begin at {sizing.begin:.4g} N m s, and a wheel holds {sizing.capacity:.4g} N m s"
-        )
-    if (
-        sizing.slew_momentum > 0.0
-        and sizing.begin + sizing.slew_momentum > sizing.capacity
-    ):
-        yield (
-            f"a slew needs {sizing.slew_momentum:.4g} N m s of the fullest wheel, which may hold "
-            f"{sizing.begin:.4g} already, of {sizing.capacity:.4g} N m s"
-        )
+    for m in margins:
+        if m.margin >= 0.0 or m.case.startswith(ASSUMED) or m.case == LOOP_CASE:
+            continue
+        if m.of == "propellant":
+            yield f"a year takes {m.used:.4g} kg of {m.limit:.4g} kg allowed: {m.case}"
+        elif m.case == SLEW_CASE:
+            yield (
+                f"a slew needs {sizing.slew_momentum:.4g} N m s of the fullest wheel, "
+                f"which may hold {sizing.begin:.4g} already, of {m.limit:.4g} N m s"
+            )
+        else:
+            yield (
+                f"dumps begin at {m.used:.4g} N m s, and a wheel may hold "
+                f"{m.limit:.4g} N m s"
+            )
     if sizing.slew_torque > sizing.wheel_torque:
         yield (
             f"a slew needs {sizing.slew_torque:.4g} N m of the fullest wheel, which gives "

@@ -5,30 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 from math import inf
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ..numbers.text import format_duration
-from ..numbers.verdicts import margin_of
-from ..report.table import ROW_UNIT, Cell, Column, Row, Table
+from ..report.cases import Margin
+from ..report.table import ROW_UNIT, Column, Row, Table
 from ..system.typed import JsonObject
 from .intervals import AssumptionShare, Interval
-
-
-class Margin(NamedTuple):
-    """What a craft uses of something in a case, beside what it is allowed."""
-
-    case: str
-    of: str  # wheels, coils, rods, propellant, ...
-    used: float
-    limit: float
-    unit: str
-
-    @property
-    def margin(self) -> float:
-        """Return the margin (1), (limit - used) / limit: below 0 it does not hold."""
-        return margin_of(self.used, self.limit)
 
 
 def finite(value: Any) -> Any:
@@ -60,30 +45,6 @@ def describe_margins(margins: Sequence[Margin]) -> str:
         )
         texts.append(f"{margins_text} ({case})")
     return f"margins of {', '.join(texts)}" if texts else ""
-
-
-def tabulate_margins(margins: Sequence[Margin]) -> Table:
-    """Tabulate what each case takes beside what is allowed, the worst case first."""
-    columns = [
-        Column("case", kind="text"),
-        Column("of the", kind="text"),
-        Column("used", ROW_UNIT, ".4g"),
-        Column("allowed", ROW_UNIT, ".4g"),
-        Column("unit", kind="unit"),
-        Column("margin, %", form=".3g"),
-    ]
-    rows = [
-        (
-            m.case,
-            m.of,
-            m.used,
-            m.limit,
-            m.unit,
-            Cell(100.0 * m.margin, mark="bad" if m.margin < 0.0 else "ok"),
-        )
-        for m in margins
-    ]
-    return Table("Cases", columns, rows, is_scaled=True)
 
 
 def tabulate_spread(

@@ -20,12 +20,13 @@ from ..figures.style import (
     figure,
     time_axis,
 )
+from ..report.cases import tabulate_margins
 from ..report.report import figures_of, render, write_page
 from ..report.table import Table
 from . import tables
 from .dumps import DumpSizing
 from .map import SizingMap
-from .margins import tabulate_margins, tabulate_spread
+from .margins import tabulate_spread
 from .result import Sizing
 
 # colours from the smallest to the largest rod of a map

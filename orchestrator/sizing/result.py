@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from ..analyses.flight import Attitude
 from ..numbers.text import format_duration, format_momenta
+from ..report.cases import Margin, tabulate_margins
 from ..system.typed import JsonObject
 from .intervals import (
     SHARE,
@@ -19,12 +20,10 @@ from .intervals import (
     gravity_leads,
 )
 from .margins import (
-    Margin,
     as_html,
     describe_margins,
     finite,
     margins_as_json,
-    tabulate_margins,
     tabulate_spread,
 )
 from .momentum import SourceShare
@@ -143,6 +142,7 @@ class Sizing:
     curve: tuple[SizingPoint, ...]
     margins: tuple[Margin, ...]  # worst first
     problems: tuple[str, ...]
+    change: str  # the smallest one with which it would hold, as a sentence
     notes: tuple[str, ...]
 
     def as_json(self) -> JsonObject:
@@ -168,13 +168,10 @@ class Sizing:
     def answer(self) -> str:
         """Return the sentence that answers the sizing."""
         if self.problems:
-            rods = (
-                ""
-                if self.recommended is None or self.recommended <= self.rod
-                else (f" Rods of {self.recommended:.3g} A m2 do.")
-            )
             gravity = gravity_leads(self.sources, self.assumptions)
-            return f"{self.target} cannot hold: {self.problems[0]}.{rods}{gravity}"
+            return (
+                f"{self.target} cannot hold: {self.problems[0]}.{self.change}{gravity}"
+            )
         required = (
             f" with a duty of {100.0 * self.duty:.3g} % and a margin of "
             f"{self.requirements.margin:g} under {self.law}"

@@ -44,6 +44,7 @@ from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
 from . import intervals
+from .changes import CASE_STEP, Change, describe_change, find_change
 from .compatibility import terms_of
 from .law import OTHERS_STEP, Law, UnsuitedError, law_of
 from .least_rod import compute_geometry, least_by_formula, least_by_programme, reach
@@ -57,6 +58,7 @@ from .momentum import (
 from .propellant import compute_propellant
 from .requirements import SizingRequirements
 from .result import (
+    ASSUMED_CASES,
     ENDS,
     WORST_DAY,
     Course,
@@ -87,7 +89,6 @@ from .scenarios import (
 from .year import WorstDay, YearDate, days_of_year, find_worst_day
 
 Array = NDArray[Any]
-CASE_STEP = 60.0  # s: samples of the law that are closer are combined in a case
 SMALLEST_TORQUE = 1e-300  # N m per A m2: replaces 0 so that no division by zero occurs
 
 
@@ -241,6 +242,7 @@ def size(
         curve=curve,
         margins=(),
         problems=(),
+        change="",
         notes=(),
     )
     if draws is not None:
@@ -252,10 +254,40 @@ def size(
     flights = _flights_of_cases(flight, hardest, uncertain, worst, options)
     courses = _fly_cases(flights, model, hardware)
     sizing = replace(sizing, margins=tuple(find_margins(sizing, courses)))
-    problems = (*wheels.warnings(system), *find_problems(sizing), *unmet)
+    axes, short = list(wheels.warnings(system)), find_problems(sizing)
+    change = ""
+    if (short or unmet) and not axes:
+        cases = [f for case, f in flights.items() if _counts(case, bool(unmet))]
+        change = _describe_change(sizing, cases, model, hardware)
     return replace(
-        sizing, problems=problems, notes=(*notes, *find_notes(sizing, attitude))
+        sizing,
+        problems=(*axes, *short, *unmet),
+        change=change,
+        notes=(*notes, *find_notes(sizing, attitude)),
     )
+
+
+def _counts(case: str, unmet: bool) -> bool:
+    """Return whether a craft has to hold in a case; those of worst.toml if unmet."""
+    return not case.startswith(ASSUMED_CASES) or (unmet and case.startswith(ENDS))
+
+
+def _describe_change(
+    sizing: Sizing, flights: Sequence[Flight], law: Law | None, hardware: Hardware
+) -> str:
+    """Say what would do for a craft that does not hold; "" if nothing is known."""
+    rods, capacity = sizing.recommended, sizing.wheel_capacity
+    has_rods = sizing.rod > 0.0
+    if rods is not None and has_rods and rods > sizing.rod:
+        return describe_change(Change(rods / sizing.rod, 1.0), sizing.rod, capacity)
+    if law is None or not has_rods or not 0.0 < capacity < inf:
+        return ""
+    limits = sizing.wheel_allowed, sizing.duty_allowed
+    least_rod = max(sizing.least, sizing.least_year)
+    least_wheel = sizing.wheel_needed + sizing.slew_momentum
+    least = least_rod, least_wheel
+    change = find_change(flights, law, hardware, limits, least)
+    return "" if change is None else describe_change(change, sizing.rod, capacity)
 
 
 def _own_law(system: System, notes: list[str]) -> Law | None:

@@ -22,6 +22,7 @@ from ..campaign.plan import PLAN
 from ..engine.recording.results import MANIFEST
 from ..figures.plots import series_figure
 from ..numbers.text import Value, number, spell_unit
+from ..report.cases import find_cases
 from ..report.report import figures_of, render, write_page
 from ..report.table import ROW_UNIT, Column, Row, Table, or_not_reached
 from ..runs.cases import Cases
@@ -392,6 +393,9 @@ def write(comparison: Comparison, path: Path, **more: Any) -> Path:
             "compare.html",
             made=comparison,
             pairs=pairs,
+            cases=find_cases(
+                path.parent, [run.manifest.parameters for run in comparison.runs]
+            ),
             **figures_of(figures),
             difference=difference_text(comparison),
             **{"choice": None, "pareto": (), **more},

@@ -36,6 +36,7 @@ from ..numbers.limits import parameter_of
 from ..numbers.measures import MEASURES, OWN_UNIT
 from ..numbers.numbers import scale
 from ..numbers.text import spell_unit
+from ..report.cases import CraftCases, find_cases
 from ..report.policy import part
 from ..report.report import data_element, render
 from ..report.scene import sources_of
@@ -188,7 +189,8 @@ def export(
     data["digest"] = module.digest(sources)
     data["wasm"] = base64.b64encode(module.compiled(sources)).decode()
     path = file or Path(f"{Path(target).absolute().name.removesuffix('.toml')}.html")
-    io.replace_text(path, _page(data, code, author))
+    cases = find_cases(path.parent, [law_systems[0].known])
+    io.replace_text(path, _page(data, code, author, cases))
     return WrittenPage(
         path,
         data["digest"],
@@ -894,7 +896,9 @@ def _asset(name: str) -> str:
     return (files(__package__) / name).read_text(encoding="utf-8")
 
 
-def _page(content: JsonObject, code: str, author: str) -> str:
+def _page(
+    content: JsonObject, code: str, author: str, cases: Sequence[CraftCases]
+) -> str:
     """Return the HTML of the page; `author` made it, today or on SOURCE_DATE_EPOCH."""
     seconds = os.environ.get("SOURCE_DATE_EPOCH")
     now = datetime.fromtimestamp(float(seconds), UTC) if seconds else datetime.now(UTC)
@@ -903,6 +907,7 @@ def _page(content: JsonObject, code: str, author: str) -> str:
     return render(
         "web.html",
         title=content["title"],
+        cases=cases,
         told=content,
         made_by=author,
         made_on=date,

@@ -366,7 +366,7 @@ LONG = [
     "run",
     NAME,
     "--stop",
-    "2e7",
+    "2e8",
     "--no-baseline",
     "--record",
     "spacecraft.h_copy_wheel",
@@ -410,7 +410,7 @@ def test_ctrl_c_ends_cleanly(tmp_path):
 
 def test_a_killed_run_can_be_read(tmp_path, desat):
     process = _start(tmp_path / "run")
-    time.sleep(1.5)
+    time.sleep(0.5)
     os.kill(process.pid, signal.SIGKILL)
     process.communicate()
     with Results.open(tmp_path / "run") as results:

@@ -10,10 +10,10 @@ from math import inf, radians
 import pytest
 
 from desat.cli.commands import size as size_command
+from desat.report.cases import Margin
 from desat.report.table import ROW_UNIT, Cell, Column, Table, or_not_reached, share
 from desat.sizing import dumps, page, tables
 from desat.sizing.intervals import AssumptionShare, Interval
-from desat.sizing.margins import Margin
 from desat.sizing.momentum import SourceShare
 from desat.sizing.requirements import SizingRequirements
 from desat.sizing.result import RodsByCondition, Sizing

@@ -10,8 +10,8 @@ import pytest
 
 from desat.begin.craft import write
 from desat.begin.facts import CraftFacts
+from desat.report.cases import Margin
 from desat.sizing import budget, dumps
-from desat.sizing.margins import Margin
 from desat.sizing.requirements import SizingRequirements
 from desat.system.errors import DesatError, Exit
 from desat.system.options import Options

@@ -357,6 +357,7 @@ def _report_run(
     """Print the results of a run."""
     from ...engine.recording.results import SERIES
     from ...numbers.verdicts import describe_verdicts
+    from ...report.cases import find_cases
     from ...report.run_tables import tabulate_numbers
     from ...runs.validation import describe_kept
 
@@ -374,6 +375,9 @@ def _report_run(
         err.print(f"not met: {line}")
     for line in other.manifest.not_met if other else ():
         err.print(f"baseline: not met: {line}")
+    for cases in find_cases(folder.parent, [manifest.parameters]):
+        worst = cases.answer.partition(". ")[0].removesuffix(".")
+        out.print(f"Sized: {worst}.", highlight=False, markup=False)
     verdict = describe_verdicts(manifest.verdicts, len(manifest.unmet))
     if verdict and manifest.completed:
         out.print(f"{verdict}.", highlight=False, markup=False)

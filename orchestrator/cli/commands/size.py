@@ -117,6 +117,8 @@ def size(
     for; of a craft that dumps by thrusters, how often and with how much propellant.
     Ends with 1 where the craft cannot hold.
     """
+    from ...report.cases import keep_cases
+    from ...runs.prepare import resolved
     from ...sizing import dumps, sizing
     from ...sizing import map as sizing_map
     from ...sizing import page as sizing_page
@@ -170,6 +172,7 @@ def size(
         html or Path("runs") / f"size-{'map-' if as_map else ''}{name_of(target)}.html"
     )
     result: Callable[[Path | None, bool], None]
+    craft_sizing: Sizing | DumpSizing | None = None
     to_page = page if html is not None or not as_json else None
     with stages(not as_json) as progress:
         if as_map:
@@ -184,17 +187,31 @@ def size(
             )
             result = partial(_show, found, _print_map, sizing_page.write_map, ())
         elif by_thrusters:
-            dumped = dumps.size(
+            craft_sizing = dumps_sizing = dumps.size(
                 target, options, requirements, progress, _print_sized(as_json)
             )
             result = partial(
-                _show, dumped, _print_dumps, sizing_page.write_dumps, dumped.problems
+                _show,
+                dumps_sizing,
+                _print_dumps,
+                sizing_page.write_dumps,
+                dumps_sizing.problems,
             )
         else:
-            sized = sizing.size(target, options, requirements, progress)
-            result = partial(
-                _show, sized, _print_sizing, sizing_page.write_sizing, sized.problems
+            craft_sizing = rods_sizing = sizing.size(
+                target, options, requirements, progress
             )
+            result = partial(
+                _show,
+                rods_sizing,
+                _print_sizing,
+                sizing_page.write_sizing,
+                rods_sizing.problems,
+            )
+    if to_page is not None and craft_sizing is not None:
+        keep_cases(
+            to_page, craft_sizing.as_json(), resolved(target, options)[0].parameters
+        )
     result(to_page, as_json)
 
 
@@ -248,8 +265,9 @@ def _slew(text: str | None) -> tuple[float, float]:
 
 def _print_sizing(sizing: Sizing) -> None:
     """Print a sizing."""
+    from ...report.cases import tabulate_margins
     from ...sizing import tables
-    from ...sizing.margins import tabulate_margins, tabulate_spread
+    from ...sizing.margins import tabulate_spread
 
     out.print(sizing.answer, highlight=False, markup=False)
     tables_shown = [
@@ -297,8 +315,9 @@ def _print_sized(as_json: bool) -> Callable[[DumpSizing], None]:
 
 def _print_dumps(sizing: DumpSizing) -> None:
     """Print a sizing of dumps."""
+    from ...report.cases import tabulate_margins
     from ...sizing import tables
-    from ...sizing.margins import tabulate_margins, tabulate_spread
+    from ...sizing.margins import tabulate_spread
 
     out.print(sizing.answer, highlight=False, markup=False)
     tables_shown = [
