@@ -69,6 +69,8 @@ from ..system.typed import JsonObject
 from .changes import would_do
 from .compatibility import terms_of
 from .intervals import (
+    FOLLOWED,
+    ROWS_FOLLOWED,
     SHARE,
     AssumptionShare,
     Interval,
@@ -126,7 +128,7 @@ PARTS = 5  # days of a scenario that are examined
 # Spacing of rows in deep space (s), and maximum number of rows of a flight through all
 # dumps.
 COARSE, MOST_ROWS = 1200.0, 100_000
-FEW = 4  # dumps of a draw of what is not known for sure
+FEW = 4  # dumps of a draw of what is not known for sure, at least
 MOST_SAMPLES = 10_000  # samples of a dump
 LAST_SAMPLES = 8  # samples of a dump that are computed one by one
 BETWEEN = 200  # minimum number of rows between two dumps
@@ -460,7 +462,9 @@ def size(
     )
     notes = [*doubts(system), *closed_loop_only(system, options)]
     progress("what is not known for sure")
-    rows, shares = _intervals(system, sizing, flight, hardware, law, cost, isp)
+    rows, shares = _intervals(
+        system, sizing, (flight, whole_run or flight), hardware, law, cost, isp
+    )
     sizing = replace(
         sizing,
         intervals=rows,
@@ -599,7 +603,7 @@ def _over_year(
 def _intervals(
     system: System,
     sizing: DumpSizing,
-    flight: Flight,
+    flights: tuple[Flight, Flight],
     hardware: Hardware,
     law: ThresholdLaw,
     cost: Callable[[Array], float],
@@ -607,24 +611,28 @@ def _intervals(
 ) -> tuple[tuple[Interval, ...], tuple[AssumptionShare, ...]]:
     """Return the intervals of a sizing over what is not known for sure.
 
-    Dumps follow from days that repeat, in units of what these give for the craft as it
-    is described.
+    `flights` are the scenario's days, and that through its dumps, which is
+    repeated where it has few;
+    dumps are in units of what that gives for the craft as it is described.
     """
-    draws = draw(system, flight, hardware)
-    if draws is None:
+    draws = draw(system, flights[0], hardware)
+    along = draw(system, flights[1], hardware, ROWS_FOLLOWED, FOLLOWED)
+    if draws is None or along is None:
         return (), ()
 
     def rates(of: Flight) -> tuple[float, float]:
         """Return the time between dumps (s) and the propellant of a year (kg)."""
-        course = list(_course(of, hardware, law, 1.0, 0, True, FEW))
+        course = list(_course(of, hardware, law, 1.0, 0, False, 10 * MANY))
+        if len(course) < FEW:
+            course = list(_course(of, hardware, law, 1.0, 0, True, FEW))
         if len(course) < 2:
             return inf, 0.0
         between = (course[-1][0] - course[0][0]) / (len(course) - 1)
         impulse = float(np.mean([cost(u) for _, u, _ in course]))
         return between, impulse / (isp * GRAVITY) * YEAR / between
 
-    between, propellant = follow(draws, rates)
-    times, mass = rates(draws.flight)
+    between, propellant = follow(along, rates)
+    times, mass = rates(along.flight)
     steady = sizing.steady
     if times < inf and steady.interval < inf:
         between = between * (steady.interval / times)

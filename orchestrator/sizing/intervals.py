@@ -37,6 +37,7 @@ from .momentum import SourceShare
 
 Array = NDArray[Any]
 DRAWS, FOLLOWED = 500, 100
+ROWS_FOLLOWED = 3000  # as ROWS, of draws whose dumps are followed
 SEED = 1  # of the draws
 ROWS = 720  # most rows of the impulses
 LOW, HIGH = 5.0, 95.0  # %, ends of an interval
@@ -96,10 +97,18 @@ class CraftDraws:
         `flight` has the rows that it gets.
         """
         order = np.argsort(self.rod, kind="stable")
-        impulse = self.impulses[order[int(share * (len(order) - 1))]]
+        (impulse,) = self.impulses_at(
+            flight.times, order[[int(share * (len(order) - 1))]]
+        )
+        return replace(flight, disturbance=impulse)
+
+    def impulses_at(self, times: Array, draws: Any = slice(None)) -> list[Array]:
+        """Return the impulses (rows, 3) N m s, eci, of some draws at other times (s)."""
         at = self.flight.times
-        rows = np.stack([np.interp(flight.times, at, x) for x in impulse.T], axis=1)
-        return replace(flight, disturbance=rows)
+        return [
+            np.stack([np.interp(times, at, x) for x in impulse.T], axis=1)
+            for impulse in self.impulses[draws]
+        ]
 
 
 def interval(title: str, unit: str, nominal: float, values: Array) -> Interval:
@@ -109,11 +118,18 @@ def interval(title: str, unit: str, nominal: float, values: Array) -> Interval:
     return Interval(title, unit, nominal, float(low), float(high))
 
 
-def draw(system: System, flight: Flight, hardware: Hardware) -> CraftDraws | None:
+def draw(
+    system: System,
+    flight: Flight,
+    hardware: Hardware,
+    rows: int = ROWS,
+    count: int | None = None,
+) -> CraftDraws | None:
     """Draw what is not known for sure of a craft that flies as in a flight.
 
-    None where nothing of it is drawn that the torques follow from, or the spacecraft is
-    not ours.
+    There are `count` draws (default: DRAWS), their impulses at `rows` rows or a few
+    more. None where nothing of it is drawn that the torques follow from, or the
+    spacecraft is not ours.
     """
     component = system.components["spacecraft"]
     names = [
@@ -123,14 +139,14 @@ def draw(system: System, flight: Flight, hardware: Hardware) -> CraftDraws | Non
     ]
     if not names or not flight.inputs:
         return None
-    flight = _thin(flight)
+    flight, count = _thin(flight, rows), count or DRAWS
     bases = _Bases(system, flight, names)
     specs = dispersions_of(system)
     values = {}
     for name in names:
         key = f"spacecraft.{name}"
-        every = [draw_one(system, key, specs[key], SEED, k) for k in range(DRAWS)]
-        values[name] = np.array(every, float).reshape(DRAWS, -1)
+        every = [draw_one(system, key, specs[key], SEED, k) for k in range(count)]
+        values[name] = np.array(every, float).reshape(count, -1)
     spread = {name: float(_log_variance(bases, {name: values[name]})) for name in names}
     total = sum(spread.values())
     assumptions = [
@@ -226,9 +242,9 @@ def _log_variance(bases: _Bases, values: Mapping[str, Array]) -> float:
     return float(np.log(np.maximum(size, 1e-300)).var())
 
 
-def _thin(flight: Flight) -> Flight:
-    """Return a flight at every so many rows of its sources, ROWS or a few more."""
-    every = max(1, len(flight.source_times) // ROWS)
+def _thin(flight: Flight, most: int) -> Flight:
+    """Return a flight at every so many rows of its sources, `most` or a few more."""
+    every = max(1, len(flight.source_times) // most)
     times = flight.source_times[::every]
     rows = np.searchsorted(flight.times, times)
     names = ("disturbance", "q", "b", "body", "r", "v", "omega")
@@ -316,10 +332,10 @@ def describe_width(row: Interval, assumptions: Sequence[AssumptionShare]) -> str
 def follow(
     draws: CraftDraws, rates: Callable[[Flight], tuple[float, float]]
 ) -> tuple[Array, Array]:
-    """Return what `rates` says of the first draws: times between dumps (s) and propellant.
+    """Return what `rates` says of each draw: times between dumps (s) and propellant.
 
     Without two dumps they are infinite and 0.
     """
-    few = draws.impulses[:FOLLOWED]
-    each = np.array([rates(replace(draws.flight, disturbance=x)) for x in few])
+    flights = (replace(draws.flight, disturbance=x) for x in draws.impulses)
+    each = np.array([rates(flight) for flight in flights])
     return each[:, 0], each[:, 1]

@@ -289,7 +289,8 @@ def _fly(task: _Task) -> tuple[Array, Array]:
         )
         holds = holds or [hold_of(law, flight, SAMPLE) for law in task.laws]
         for law, track, hold in zip(task.laws, tracks, holds, strict=True):
-            track.append(track_of(flight, law, hardware, each, hold))
+            rows = [d[::hold] for d in each]
+            track.append(track_of(flight, law, hardware, rows, hold))
     results = [
         fly(track, law, hardware, task.rods)
         for law, track in zip(task.laws, tracks, strict=True)

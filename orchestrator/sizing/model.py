@@ -81,7 +81,7 @@ def track_of(
     flight, law, hardware
         Flight, law and craft.
     disturbances
-        Impulses (rows, 3) N m s, eci, in place of the flight's.
+        Impulses (rows of the track, 3) N m s, eci, in place of the flight's.
     hold
         Rows of the flight between two samples; None: by `hold_of`.
 
@@ -93,7 +93,7 @@ def track_of(
     rows = np.arange(0, len(flight.times), hold or hold_of(law, flight))
     linearised = ask(law, flight, rows)
     q, b, times = flight.q[rows], flight.b[rows], flight.times[rows]
-    each = [flight.disturbance] if disturbances is None else disturbances
+    each = [flight.disturbance[rows]] if disturbances is None else disturbances
     halfway = (
         q[:-1]
         + q[1:] * np.where((q[:-1] * q[1:]).sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
@@ -112,7 +112,7 @@ def track_of(
         to_eci[0] @ (flight.h_start + body[0]),
         to_eci,
         body,
-        np.stack([np.diff(d[rows], axis=0) for d in each], axis=1),
+        np.stack([np.diff(d, axis=0) for d in each], axis=1),
         np.stack(push, axis=1),
         linearised.gain.transpose(0, 2, 1),
         linearised.offset,

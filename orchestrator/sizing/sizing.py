@@ -46,8 +46,9 @@ from ..system.options import Options
 from . import intervals
 from .changes import CASE_STEP, Change, describe_change, find_change
 from .compatibility import terms_of
-from .law import OTHERS_STEP, Law, UnsuitedError, law_of
+from .law import OTHERS_STEP, Law, UnsuitedError, hold_of, law_of
 from .least_rod import compute_geometry, least_by_formula, least_by_programme, reach
+from .model import fly, track_of
 from .momentum import (
     compute_slew,
     compute_wheel_needs,
@@ -248,7 +249,7 @@ def size(
     if draws is not None:
         sizing = replace(
             sizing,
-            intervals=tuple(_intervals(sizing, draws)),
+            intervals=tuple(_intervals(sizing, draws, flight, model, hardware)),
             assumptions=draws.assumptions,
         )
     flights = _flights_of_cases(flight, hardest, uncertain, worst, options)
@@ -343,9 +344,13 @@ def _uncertain_day(
 
 
 def _intervals(
-    sizing: Sizing, draws: intervals.CraftDraws
+    sizing: Sizing,
+    draws: intervals.CraftDraws,
+    flight: Flight,
+    law: Law | None,
+    hardware: Hardware,
 ) -> Iterator[intervals.Interval]:
-    """Yield the intervals of a sizing."""
+    """Yield the intervals of a sizing; under its law those of its own rods."""
     for title, unit, nominal, values in (
         (
             "Momentum a day",
@@ -362,6 +367,18 @@ def _intervals(
         ("Smallest rod for any law", "A.m2", sizing.least_formula, draws.rod),
     ):
         yield intervals.interval(title, unit, nominal, values)
+    if law is None or hardware.m_limit == 0.0:
+        return
+    hold = hold_of(law, flight, CASE_STEP)
+    impulses = draws.impulses_at(flight.times[::hold])
+    nominal = flight.disturbance[::hold]
+    track = track_of(flight, law, hardware, [nominal, *impulses], hold)
+    course = fly([track], law, hardware, [hardware.m_limit])
+    for title, unit, values in (
+        (f"Fullest wheel under {law.name}", "N.m.s", course.wheel.ravel()),
+        (f"Duty of its coils under {law.name}", "%", 100.0 * course.duty.ravel()),
+    ):
+        yield intervals.interval(title, unit, float(values[0]), values[1:])
 
 
 def _find_conditions(
