@@ -27,6 +27,7 @@ import numpy as np
 
 from desat.campaign.draws import series_of_numbers
 from desat.campaign.sampling import draw_of
+from desat.runs.cases import draft_to_draw
 from desat.runs.prepare import prepare, read, resolved
 from desat.runs.run import simulate
 from desat.sizing import dumps, intervals, sizing
@@ -77,12 +78,12 @@ def fly(target: str, stop: float, draw: int) -> tuple[float, float]:
     """Fly a sample: fullest wheel late (N m s) and duty (%), or s between dumps and 0."""
     source = read(target)
     system, _ = resolved(source, Options())
-    values = draw_of(system, intervals.SEED, draw)
+    values = draw_of(draft_to_draw(source, False), intervals.SEED, draw)
     values = {k: v for k, v in values.items() if k.startswith("spacecraft.")}
     case = prepare(source, Options(values=values, stop=stop, every=1))
     series = [*series_of_numbers(case.or_raise()[0]), "wheels.h_wheel"]
     series += ["manager.dumps"] if dumps.applies(system) else []
-    options = replace(case.options, record=list(dict.fromkeys(series)))
+    options = replace(case.options, record=tuple(dict.fromkeys(series)))
     run = simulate(replace(case, options=options)).or_raise(target)
     with run.results as results:
         if dumps.applies(system):
@@ -94,7 +95,8 @@ def fly(target: str, stop: float, draw: int) -> tuple[float, float]:
             return float(begun[-1] - begun[0]) / (len(begun) - 1), 0.0
         h = np.abs(results.values("wheels.h_wheel"))
         duty = run.manifest.numbers["coil_duty"].value
-        return float(h[len(h) // 2 :].max()), float(duty)
+        assert duty is not None
+        return float(h[len(h) // 2 :].max()), duty
 
 
 def compare(
@@ -106,7 +108,7 @@ def compare(
     make(line, Path(target))
     requirements = SizingRequirements(flown=False, year=False, laws=False)
     options = Options(stop=stop)
-    intervals.DRAWS = dumps.FOLLOWED = loops  # the same samples
+    intervals.DRAWS = intervals.FOLLOWED = loops  # the same samples
     each = np.array(list(pool.map(partial(fly, target, stop), range(loops))))
     if dumps.is_of(target, Options()):
         by_model = dumps.size(target, options, requirements).intervals[1:2]

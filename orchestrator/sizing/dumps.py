@@ -69,14 +69,13 @@ from ..system.typed import JsonObject
 from .changes import would_do
 from .compatibility import terms_of
 from .intervals import (
-    FOLLOWED,
-    ROWS_FOLLOWED,
     SHARE,
     AssumptionShare,
     Interval,
     describe_interval,
     describe_width,
     draw,
+    draw_followed,
     follow,
     fullest_wheel,
     gravity_leads,
@@ -616,7 +615,7 @@ def _intervals(
     dumps are in units of what that gives for the craft as it is described.
     """
     draws = draw(system, flights[0], hardware)
-    along = draw(system, flights[1], hardware, ROWS_FOLLOWED, FOLLOWED)
+    along = draw_followed(system, flights[1], hardware)
     if draws is None or along is None:
         return (), ()
 

@@ -165,6 +165,13 @@ def draw(
     )
 
 
+def draw_followed(
+    system: System, flight: Flight, hardware: Hardware
+) -> CraftDraws | None:
+    """Draw as `draw` for dumps that are followed."""
+    return draw(system, flight, hardware, ROWS_FOLLOWED, FOLLOWED)
+
+
 class _Bases:
     """Impulses whose sums are those of all draws."""
 

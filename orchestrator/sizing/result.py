@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from math import inf
 from typing import NamedTuple
@@ -43,6 +43,7 @@ class Course(NamedTuple):
 WORST_DAY = "the worst day of the year"
 ENDS = "what is assumed at its ends"
 WHEEL_LOSS = "a wheel lost"
+SEPARATION = "after separation"
 ASSUMED_CASES = (f"{100.0 * SHARE:g} % of", ENDS, WHEEL_LOSS)
 
 
@@ -189,7 +190,9 @@ class Sizing:
             )
         else:
             rods = f"rods of {self.recommended:.3g} A m2 are recommended: they hold {self._held()}"
-        margins_text = describe_margins([m for m in self.margins if m.of != "rods"])
+        margins_text = describe_margins(
+            [m for m in self.margins if m.of not in ("rods", "time")]
+        )
         holds = (
             f"{self.target} holds with {margins_text}" if margins_text else self.target
         )
@@ -239,10 +242,13 @@ class Sizing:
         return "the day of the scenario"
 
 
-def find_margins(sizing: Sizing, courses: Mapping[str, Course]) -> list[Margin]:
+def find_margins(
+    sizing: Sizing, courses: Mapping[str, Course], time_to_detumble: float = inf
+) -> list[Margin]:
     """Return what the craft uses in each case beside what it is allowed, worst first.
 
-    `courses` are the cases that the model flew with the craft's own rods.
+    `courses` are the cases that the model flew with the craft's own rods, the time (s)
+    is that within which it has to be detumbled.
     """
     capacity = sizing.wheel_allowed
     has_wheels = 0.0 < capacity < inf
@@ -263,21 +269,26 @@ def find_margins(sizing: Sizing, courses: Mapping[str, Course]) -> list[Margin]:
         ):
             if 0.0 < needed < inf:
                 rows.append(Margin(case, "wheels", needed, capacity, "N.m.s"))
-        if sizing.slew_momentum > 0.0:
-            both = sizing.wheel_needed + sizing.slew_momentum
-            rows.append(Margin("slew", "wheels", both, sizing.wheel_capacity, "N.m.s"))
     for case, course in courses.items():
         if has_wheels:
             rows.append(Margin(case, "wheels", course.wheel, capacity, "N.m.s"))
         duty, limit = 100.0 * course.duty, 100.0 * sizing.duty_allowed
         rows.append(Margin(case, "coils", duty, limit, "%"))
-    if sizing.slew_torque > 0.0 and sizing.wheel_torque < inf:
-        rows.append(
-            Margin(
-                "slew", "wheel torque", sizing.slew_torque, sizing.wheel_torque, "N.m"
-            )
-        )
+    if time_to_detumble < inf:
+        hours = sizing.detumbling / 3600.0, time_to_detumble / 3600.0
+        rows.append(Margin(f"{SEPARATION}, at least", "time", *hours, "h"))
+    rows += _margins_of_slew(sizing)
     return sorted(rows, key=lambda m: m.margin)
+
+
+def _margins_of_slew(sizing: Sizing) -> Iterator[Margin]:
+    """Yield what a slew takes of the fullest wheel, if there is one."""
+    if 0.0 < sizing.wheel_capacity < inf and sizing.slew_momentum > 0.0:
+        both = sizing.wheel_needed + sizing.slew_momentum
+        yield Margin("slew", "wheels", both, sizing.wheel_capacity, "N.m.s")
+    if sizing.slew_torque > 0.0 and sizing.wheel_torque < inf:
+        torque = sizing.slew_torque, sizing.wheel_torque
+        yield Margin("slew", "wheel torque", *torque, "N.m")
 
 
 def find_problems(sizing: Sizing) -> list[str]:
@@ -309,6 +320,11 @@ def _needs(margin: Margin, sizing: Sizing) -> str:
         return (
             f"rods of {sizing.rod:.4g} A m2: their duty comes to "
             f"{margin.used:.3g} % of {margin.limit:.3g} % allowed"
+        )
+    if margin.of == "time":
+        return (
+            f"rods of {sizing.rod:.4g} A m2: detumbling takes {margin.used:.3g} h or "
+            f"more, of {margin.limit:.3g} h allowed"
         )
     if margin.unit == "N.m":
         return (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from math import pi
+from math import inf, pi
 
 import numpy as np
 
@@ -12,13 +12,17 @@ from ..analyses import attitude_loop, plausibility, unmanaged_orbit
 from ..analyses.flight import Flight, flight_of, series_for
 from ..files.paths import NOMINAL
 from ..files.scenario import Scenario
+from ..language.content import content_of
+from ..numbers.numbers import late
 from ..runs.case import Case
 from ..runs.prepare import read, resolved
 from ..runs.run import simulate
 from ..system.errors import DesatError
+from ..system.expression import factor
 from ..system.interface import role_classes
 from ..system.model import System
 from ..system.options import Options
+from ..system.parameters import unit_of
 
 # scenario beside the craft's own that recommended rods have to meet too
 WORST = "worst.toml"
@@ -109,21 +113,27 @@ def loop_roles() -> set[str]:
     return (sensors | {"controller"}) - {"tachometers"}
 
 
-def find_tip_off(source: Scenario, options: Options) -> float:
-    """Return the rate after separation (rad/s).
+def find_tip_off(source: Scenario, options: Options) -> tuple[float, float]:
+    """Return the rate after separation (rad/s), and the time (s) to be rid of it.
 
-    It is that of the scenario `detumbling.toml` beside a user's own craft, or TIP_OFF.
+    They are those of the scenario `detumbling.toml` beside a user's own craft, or
+    TIP_OFF and no limit.
     """
     there = source.file.parent / DETUMBLING
     if source.is_system_file or not there.is_file():
-        return TIP_OFF
+        return TIP_OFF, inf
     try:
         system, _ = resolved(str(there), replace(options, stop=None))
     except DesatError:
-        return TIP_OFF
-    return float(
-        np.linalg.norm(system.components["spacecraft"].values["omega_start_body"])
-    )
+        return TIP_OFF, inf
+    content = content_of(system.about)
+    limits = [
+        factor(unit_of(content.numbers[x.number].unit), "s", x.number) * x.max
+        for x in content.requirements.values()
+        if x.max is not None and x.number in late(content)
+    ]
+    rate = np.linalg.norm(system.components["spacecraft"].values["omega_start_body"])
+    return float(rate), min(limits, default=inf)
 
 
 def find_worst_scenario(source: Scenario) -> Scenario | None:

@@ -184,9 +184,8 @@ def size(
     propellant, propellant_least = compute_propellant(
         system, flight, hardware, torque, requirements
     )
-    rate = requirements.tip_off
-    if rate is None:
-        rate = find_tip_off(source, options)
+    rate, time_to_detumble = find_tip_off(source, options)
+    rate = rate if requirements.tip_off is None else requirements.tip_off
     tip_off = float(np.linalg.eigvalsh(hardware.inertia)[-1]) * rate
     start = float(np.linalg.norm(flight.h_start))
     rod = hardware.m_limit
@@ -254,7 +253,8 @@ def size(
         )
     flights = _flights_of_cases(flight, hardest, uncertain, worst, options)
     courses = _fly_cases(flights, model, hardware)
-    sizing = replace(sizing, margins=tuple(find_margins(sizing, courses)))
+    margins = find_margins(sizing, courses, time_to_detumble)
+    sizing = replace(sizing, margins=tuple(margins))
     axes, short = list(wheels.warnings(system)), find_problems(sizing)
     change = ""
     if (short or unmet) and not axes:
@@ -370,9 +370,9 @@ def _intervals(
     if law is None or hardware.m_limit == 0.0:
         return
     hold = hold_of(law, flight, CASE_STEP)
-    impulses = draws.impulses_at(flight.times[::hold])
-    nominal = flight.disturbance[::hold]
-    track = track_of(flight, law, hardware, [nominal, *impulses], hold)
+    own = flight.disturbance[::hold]
+    every = [own, *draws.impulses_at(flight.times[::hold])]
+    track = track_of(flight, law, hardware, every, hold)
     course = fly([track], law, hardware, [hardware.m_limit])
     for title, unit, values in (
         (f"Fullest wheel under {law.name}", "N.m.s", course.wheel.ravel()),

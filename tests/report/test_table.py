@@ -189,6 +189,7 @@ def sizing() -> Sizing:
             Margin("the day, cyclic part", "wheels", 0.0107, 0.382, "N.m.s"),
         ),
         problems=(),
+        change="",
         notes=("3 whole orbits",),
     )
 
