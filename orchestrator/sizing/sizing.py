@@ -370,8 +370,8 @@ def _intervals(
     if law is None or hardware.m_limit == 0.0:
         return
     hold = hold_of(law, flight, CASE_STEP)
-    own = flight.disturbance[::hold]
-    every = [own, *draws.impulses_at(flight.times[::hold])]
+    own_impulse = flight.disturbance[::hold]
+    every = [own_impulse, *draws.impulses_at(flight.times[::hold])]
     track = track_of(flight, law, hardware, every, hold)
     course = fly([track], law, hardware, [hardware.m_limit])
     for title, unit, values in (
