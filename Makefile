@@ -6,7 +6,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Bytecode is kept, whatever the environment says: the tests start hundreds of processes, which would compile all of it.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo fmus ssp test test-slow check fuzz mutations builds bench house witness sizing papers site release clean
+.PHONY: demo fmus ssp test test-slow check fuzz mutations builds bench house witness sizing flown papers site release clean
 
 demo: ssp ## build everything, run and pack one scenario, say what it came to beside the paper's value
 	@rm -rf runs/demo
@@ -67,6 +67,9 @@ sizing: fmus ## what `desat size` says beside closed loops, papers and others, i
 	$(BIN)/python -m benchmarks.sizing
 	$(BIN)/python -m benchmarks.dumps
 	$(BIN)/python -m benchmarks.your_craft
+
+flown: fmus ## what desat says of spacecraft that flew, beside what was published, into docs/flown.md
+	$(BIN)/python -m benchmarks.flown
 
 papers: ssp ## the pages under docs/papers, from their templates and runs made now
 	$(BIN)/desat help keys --markdown > docs/language.md

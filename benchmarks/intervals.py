@@ -89,10 +89,10 @@ def fly(target: str, stop: float, draw: int) -> tuple[float, float]:
         if dumps.applies(system):
             count = results.values("manager.dumps").ravel()
             times = results.times()[1 - len(count) :]
-            begun = times[np.diff(count) > 0.0]
-            if len(begun) < 2:
+            starts = times[np.diff(count) > 0.0]
+            if len(starts) < 2:
                 return math.inf, 0.0
-            return float(begun[-1] - begun[0]) / (len(begun) - 1), 0.0
+            return float(starts[-1] - starts[0]) / (len(starts) - 1), 0.0
         h = np.abs(results.values("wheels.h_wheel"))
         duty = run.manifest.numbers["coil_duty"].value
         assert duty is not None

@@ -255,7 +255,7 @@ def _assumptions_of_thrusters(
     number, _, unit = thrusters["force"].partition(" ")
     yield Assumption("thrust of each", number, unit, "given")
     yield Assumption(
-        "arm of a pair", thrusters["arm"], "m", "class: half the largest side"
+        "arm of a pair", thrusters["arm"], "m", "class: half the middle side"
     )
     number, _, unit = thrusters["impulse"].partition(" ")
     yield Assumption("specific impulse", number, unit, thrusters["impulse_why"])
@@ -520,7 +520,9 @@ def _template_values(
         "plates": [_list(row) for row in surfaces.table],
         "drives": [_list(plate.drive) for plate in surfaces.plates],
         "offset": _list(surfaces.offset),
-        "spreads": list(_spreads(body, dipole, surfaces, sources)),
+        "spreads": list(
+            _spreads(body, dipole, surfaces, sources, facts.thrusters is not None)
+        ),
         "ends": _ends(orbit, dipole, surfaces, sources),
         "gains": {
             "bandwidth": _text(bandwidth),
@@ -625,7 +627,11 @@ def _dipole(facts: CraftFacts, mass: float, sign: float) -> Dipole:
 
 
 def _spreads(
-    body: NewBody, dipole: Dipole, surfaces: Surfaces, sources: Sources
+    body: NewBody,
+    dipole: Dipole,
+    surfaces: Surfaces,
+    sources: Sources,
+    has_thrusters: bool,
 ) -> Iterator[tuple[str, str, str]]:
     """Yield what is not known for sure: parameter, entry of [dispersions] and its reason."""
     if surfaces.plates:
@@ -638,12 +644,21 @@ def _spreads(
             if len(cp.values) == 1:
                 entry = format_spread(cp.share, direction=size)
         yield "spacecraft.offset_plates_body", entry, reason
+    if surfaces.plates:
+        reason = "class: areas and reflection of faces and wings"
+        yield "spacecraft.plates", format_spread(class_factor("plates")), reason
     if sources.air:
         reason = "class: density and drag coefficient"
         yield "spacecraft.drag_coefficient", format_spread(class_factor("drag")), reason
     if sources.dipole and dipole.size > 0.0:
         yield "spacecraft.residual_dipole_body", dipole.spread, dipole.origin
     yield "spacecraft.inertia", format_spread(body.spread), body.inertia_from
+    if has_thrusters:
+        reason = "class: where the nozzles are"
+        yield "thrusters.arm", format_spread(class_factor("arm")), reason
+        reason = "class: short pulses give less"
+        spread = format_spread(class_factor("pulses"))
+        yield "thrusters.specific_impulse", spread, reason
 
 
 def _ends(
@@ -1229,7 +1244,7 @@ def _thrusters(
             "ways about each axis"
         )
     name, figures, force = _of_class(THRUSTERS, "thrusters", "force", match[1])
-    arm = max(sides) / 2.0
+    arm = sorted(sides)[1] / 2.0
     return {
         "torque": _list([2.0 * force * arm] * 3),
         "force": f"{force:g} N",

@@ -14,7 +14,8 @@
     "spacecraft.offset_plates_body" = { plus_minus = 0.01 }  # each element: more or less (90 %)
 
 A factor is the same for all elements. Of a matrix of inertia each of its second moments
-has its own, so that a body can have the moments that are drawn.
+has its own, so that a body can have the moments that are drawn. Of plates it is that of
+their areas.
 
 A drawn value depends on seed, draw and name alone, not on the order of the lines. With
 a sampling that spreads its points evenly, it also depends on their number
@@ -34,6 +35,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from desat.components.physics.torques import PLATE_COLUMNS
+
 from ..files.draft import Draft
 from ..language.content import dispersions_of
 from ..language.scenario import Dispersion
@@ -46,6 +49,8 @@ SAMPLINGS: tuple[str, ...] = get_args(Sampling)
 FIXED: tuple[str, ...] = ("latin-hypercube", "saltelli")
 # A drawn value: a choice is its name, an array is a list.
 Drawn = float | int | str | list[float]
+# Table of plates of a spacecraft, and its column of areas.
+PLATES, AREA = "plates", 3
 NINETY = 1.6448536269514722  # deviations of a normal number that 90 % are within
 # limit of the points of these samplings, which are in memory all at once
 MOST = 10_000_000
@@ -190,6 +195,10 @@ def _around(
     value = np.array(
         [component.parameters.get(s.name, s.start) for s in signals], float
     )
+    if variable == PLATES and spec.kind == "factor":
+        rows = value.reshape(-1, PLATE_COLUMNS).copy()
+        rows[:, AREA] = change_value(spec, rows[:, AREA], normal)
+        return rows.ravel().tolist()
     return change_value(spec, value, normal)
 
 

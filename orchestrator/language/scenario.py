@@ -197,7 +197,7 @@ class Dispersion(Written):
     seed: Maybe[Literal[True]] = key("a seed of its own for each sample")
     factor: Annotated[Maybe[FiniteFloat], Field(gt=1.0)] = key(
         "times or divided by at most this in 90 %: its value, with direction its size; of "
-        "a matrix of inertia its second moments"
+        "a matrix of inertia its second moments, of plates their areas"
     )
     plus_minus: Annotated[Maybe[FiniteFloat], Field(gt=0.0)] = key(
         "each element: its value and at most this more or less in 90 %"

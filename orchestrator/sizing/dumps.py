@@ -53,7 +53,8 @@ from ..analyses.flight import (
 )
 from ..analyses.motion import BEYOND
 from ..campaign.draws import series_of_numbers
-from ..language.content import content_of
+from ..campaign.sampling import draw_one
+from ..language.content import content_of, dispersions_of
 from ..numbers.derived import rotate, rotate_back
 from ..numbers.text import format_duration, format_momenta
 from ..report.cases import Margin, tabulate_margins
@@ -69,6 +70,7 @@ from ..system.typed import JsonObject
 from .changes import would_do
 from .compatibility import terms_of
 from .intervals import (
+    SEED,
     SHARE,
     AssumptionShare,
     Interval,
@@ -631,15 +633,19 @@ def _intervals(
         return between, impulse / (isp * GRAVITY) * YEAR / between
 
     between, propellant = follow(along, rates)
+    propellant = propellant * _effort(system, len(propellant))
     times, mass = rates(along.flight)
     steady = sizing.steady
     if times < inf and steady.interval < inf:
         between = between * (steady.interval / times)
         propellant = propellant * (steady.a_year / mass)
+    with np.errstate(invalid="ignore"):  # without dumps it takes none
+        each_dump = np.nan_to_num(propellant * between / YEAR)
     rows = (
         interval("Momentum a day", "N.m.s", sizing.a_day, draws.momentum_a_day),
         interval("Time between dumps", "s", steady.interval, between),
         interval("Propellant a year", "kg", steady.a_year, propellant),
+        interval("Propellant of a dump", "kg", steady.propellant, each_dump),
         interval(
             "Fullest wheel without the secular part",
             "N.m.s",
@@ -648,6 +654,21 @@ def _intervals(
         ),
     )
     return rows, draws.assumptions
+
+
+def _effort(system: System, count: int) -> Array:
+    """Return the propellant of an impulse in each draw, over that of the craft.
+
+    It is in inverse proportion to the arm of the thrusters and to specific impulse.
+    """
+    specs, effort = dispersions_of(system), np.ones(count)
+    values = system.components["thrusters"].values
+    for name in ("arm", "specific_impulse"):
+        key = f"thrusters.{name}"
+        if key in specs and float(values.get(name, 0.0)) > 0.0:
+            each = [draw_one(system, key, specs[key], SEED, k) for k in range(count)]
+            effort *= float(values[name]) / np.ravel(each)
+    return effort
 
 
 def _lengths_of_flights(

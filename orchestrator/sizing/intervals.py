@@ -19,6 +19,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from desat.components.physics.torques import PLATE_COLUMNS
+
 from ..analyses.flight import (
     TABLE_TORQUE,
     Flight,
@@ -27,7 +29,7 @@ from ..analyses.flight import (
     secular,
     torques,
 )
-from ..campaign.sampling import draw_one
+from ..campaign.sampling import AREA, PLATES, draw_one
 from ..language.content import dispersions_of
 from ..numbers.derived import from_body
 from ..numbers.text import format_momenta
@@ -51,13 +53,16 @@ AFFINE = {
     "residual dipole": "residual_dipole_body",
     "constant": "tau_disturbance_body",
 }
-PROPORTIONAL = {"drag": "drag_coefficient"}
+PROPORTIONAL = {"drag": ("drag_coefficient", "plates"), "radiation": ("plates",)}
+# Of each source the choice that says whether it acts on plates.
+BY_PLATES = {"drag": "aerodynamics", "radiation": "radiation"}
 # What is not known for sure, in words, and the option of `desat new craft` that says it.
 ASSUMED = {
     "inertia": ("the moments of inertia", "--inertia"),
     "offset_plates_body": ("the offset of the centre of pressure", "--cp"),
     "residual_dipole_body": ("the residual dipole", "--residual-dipole"),
     "drag_coefficient": ("density and drag coefficient", ""),
+    "plates": ("areas and reflection", ""),
     "tau_disturbance_body": ("the constant torque", "--secular"),
 }
 
@@ -146,7 +151,7 @@ def draw(
     for name in names:
         key = f"spacecraft.{name}"
         every = [draw_one(system, key, specs[key], SEED, k) for k in range(count)]
-        values[name] = np.array(every, float).reshape(count, -1)
+        values[name] = np.array([_row_of(name, x) for x in every])
     spread = {name: float(_log_variance(bases, {name: values[name]})) for name in names}
     total = sum(spread.values())
     assumptions = [
@@ -177,26 +182,25 @@ class _Bases:
 
     def __init__(self, system: System, flight: Flight, names: Sequence[str]) -> None:
         """Compute the impulses of a flight for the parameters `names`."""
-        self._nominal = {
-            name: np.ravel(system.components["spacecraft"].values[name]).astype(float)
-            for name in names
-        }
+        component = system.components["spacecraft"]
+        self._nominal = {name: _row_of(name, component.values[name]) for name in names}
         self._flight = flight
-        # the parameter and its element of each basis, and the one in proportion
-        self._terms: list[tuple[str, int, str]] = []
+        # the parameter and its element of each basis, and those in proportion
+        self._terms: list[tuple[str, int, tuple[str, ...]]] = []
         rows: list[Array] = []
 
-        def add(parameter: str, element: int, factor: str, torque: Array) -> None:
+        def add(parameter: str, element: int, torque: Array) -> None:
             """Add a basis."""
-            self._terms.append((parameter, element, factor))
+            self._terms.append((parameter, element, factors))
             rows.append(integral(torque, flight.times))
 
         for source, impulse in flight.sources.items():
             parameter = AFFINE.get(source, "")
-            factor = PROPORTIONAL.get(source, "")
-            factor = factor if factor in names else ""
+            factors = tuple(x for x in PROPORTIONAL.get(source, ()) if x in names)
+            if PLATES in factors and component.choice(BY_PLATES[source]) != PLATES:
+                factors = tuple(x for x in factors if x != PLATES)
             if source == TABLE_TORQUE or parameter not in names:
-                self._terms.append(("", -1, factor))
+                self._terms.append(("", -1, factors))
                 rows.append(impulse)
                 continue
 
@@ -209,24 +213,23 @@ class _Bases:
 
             size = len(self._nominal[parameter])
             rest = at(np.zeros(size))
-            add("", -1, factor, rest)
+            add("", -1, rest)
             for k in range(size):
-                add(parameter, k, factor, at(np.eye(size)[k]) - rest)
+                add(parameter, k, at(np.eye(size)[k]) - rest)
         self._rows = np.array(rows)  # (bases, rows, 3)
 
     def coefficients(self, values: Mapping[str, Array]) -> Array:
         """Return the factors (draws, bases) of the bases; what is not given is nominal."""
         count = len(next(iter(values.values())))
         columns = []
-        for parameter, element, factor in self._terms:
+        for parameter, element, factors in self._terms:
             column = np.ones(count)
-            for name, k in ((parameter, element), (factor, 0)):
-                if name:
-                    nominal = self._nominal[name]
-                    of_draws = values.get(name, np.tile(nominal, (count, 1)))[:, k]
-                    column = column * (
-                        of_draws if name != factor else of_draws / nominal[0]
-                    )
+            if parameter:
+                nominal = np.tile(self._nominal[parameter], (count, 1))
+                column = values.get(parameter, nominal)[:, element].copy()
+            for name in factors:
+                if name in values:
+                    column *= values[name][:, 0] / self._nominal[name][0]
             columns.append(column)
         return np.stack(columns, axis=1)
 
@@ -241,6 +244,14 @@ class _Bases:
     def impulses(self, values: Mapping[str, Array]) -> Array:
         """Return the impulses (draws, rows, 3) N m s, eci."""
         return np.tensordot(self.coefficients(values), self._rows, axes=1)
+
+
+def _row_of(name: str, value: Any) -> Array:
+    """Return what is drawn of a parameter as a row; of plates the sum of their areas."""
+    row = np.ravel(value).astype(float)
+    if name == PLATES:
+        row = np.array([row[AREA::PLATE_COLUMNS].sum()])
+    return row
 
 
 def _log_variance(bases: _Bases, values: Mapping[str, Array]) -> float:

@@ -8,6 +8,7 @@ import pytest
 from desat.analyses.flight import fly_days, hardware_of, secular, wanted_attitude
 from desat.begin.craft import write
 from desat.begin.facts import CraftFacts
+from desat.begin.spread import combine_factors
 from desat.campaign.sampling import change_value, draw_of
 from desat.language.content import dispersions_of
 from desat.language.scenario import Dispersion
@@ -74,7 +75,7 @@ def test_what_is_known_has_no_width(tmp_path):
 
 
 def test_light_is_in_proportion_to_the_offset(tmp_path):
-    """An offset times or divided by 2.1 gives dumps as much rarer and more frequent."""
+    """An offset times or divided by 2.1, and plates by 1.3, give dumps as much rarer."""
     facts = CraftFacts(
         sun="1AU",
         mass="600kg",
@@ -87,12 +88,15 @@ def test_light_is_in_proportion_to_the_offset(tmp_path):
         str(tmp_path / "mine"), Options(), SizingRequirements(flown=False, year=False)
     )
     a_day, between, a_year = sizing.intervals[:3]
-    assert a_day.high / a_day.nominal == pytest.approx(2.1, rel=0.1)
-    assert a_day.nominal / a_day.low == pytest.approx(2.1, rel=0.1)
-    assert between.nominal / between.low == pytest.approx(2.1, rel=0.15)
-    assert between.high / between.nominal == pytest.approx(2.1, rel=0.15)
-    assert a_year.high / a_year.nominal == pytest.approx(2.1, rel=0.15)
-    assert sizing.assumptions[0].share == pytest.approx(1.0)
+    factor = combine_factors(2.1, 1.3)
+    assert a_day.high / a_day.nominal == pytest.approx(factor, rel=0.1)
+    assert a_day.nominal / a_day.low == pytest.approx(factor, rel=0.1)
+    assert between.nominal / between.low == pytest.approx(factor, rel=0.25)
+    assert between.high / between.nominal == pytest.approx(factor, rel=0.25)
+    assert a_year.high / a_year.nominal == pytest.approx(
+        combine_factors(factor, 1.7, 1.2), rel=0.25
+    )
+    assert sizing.assumptions[0].share == pytest.approx(0.9, abs=0.05)
     assert "--cp narrows it" in sizing.answer
 
 

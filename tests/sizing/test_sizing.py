@@ -978,7 +978,7 @@ specific_impulse = "70 s"
         SizingRequirements(year=False, flown=False, laws=False),
     )
     assert reference_sizing.propellant is not None
-    # one nozzle at 0.4 m each way; the pair has the arm of half its largest side
+    # one nozzle at 0.4 m each way; the pair has the arm of half its middle side
     assert reference_sizing.propellant == pytest.approx(
-        pairs.propellant * 0.183 / 0.4, rel=0.02
+        pairs.propellant * 0.113 / 0.4, rel=0.02
     )
