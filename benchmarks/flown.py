@@ -67,9 +67,9 @@ class Prediction:
         """Return whether an interval is stated."""
         return self.high > self.low
 
-    def factor(self, published: float) -> float:
+    def factor(self, value: float) -> float:
         """Return the larger of prediction and a published value over the smaller."""
-        return max(self.value / published, published / self.value)
+        return max(self.value / value, value / self.value)
 
 
 def missions() -> dict[str, dict[str, Any]]:
@@ -86,10 +86,10 @@ def desat(*arguments: str) -> str:
     """Run a command and return what it prints; sizes that do not hold count too."""
     command = [sys.executable, "-m", "desat.cli", *arguments]
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
-    done = subprocess.run(command, capture_output=True, text=True, env=environment)
-    if not done.stdout:
-        raise RuntimeError(f"{shlex.join(arguments)}: {done.stderr}")
-    return done.stdout
+    process = subprocess.run(command, capture_output=True, text=True, env=environment)
+    if not process.stdout:
+        raise RuntimeError(f"{shlex.join(arguments)}: {process.stderr}")
+    return process.stdout
 
 
 def predict(entry: Mapping[str, Any]) -> Prediction:
@@ -190,11 +190,13 @@ def _row(entry: Mapping[str, Any], prediction: Prediction) -> str:
     unit = unit_of(entry["quantity"])
     ends = _span(prediction.value, prediction.low, prediction.high)
     inside = prediction.low <= entry["value"] <= prediction.high
-    stated = ("yes" if inside else "**no**") if prediction.has_width else "none stated"
+    stated_text = (
+        ("yes" if inside else "**no**") if prediction.has_width else "none stated"
+    )
     blind = "yes" if entry.get("blind") else ""
     return (
         f"| {entry['title']} | {value} {unit} | {ends} | "
-        f"{prediction.factor(entry['value']):.2f} | {stated} | {blind} | "
+        f"{prediction.factor(entry['value']):.2f} | {stated_text} | {blind} | "
         f"{entry.get('cause', '')} |"
     )
 
@@ -212,9 +214,9 @@ def _bound_row(entry: Mapping[str, Any], prediction: Prediction) -> str:
     value = entry["value"]
     does = prediction.high >= value if least else prediction.low <= value
     unit = unit_of(entry["quantity"])
-    published = _span(value, entry.get("low"), entry.get("high"))
+    span = _span(value, entry.get("low"), entry.get("high"))
     return (
-        f"| {entry['title']} | at {entry['bound']} {published} {unit} | "
+        f"| {entry['title']} | at {entry['bound']} {span} {unit} | "
         f"{_span(prediction.value, prediction.low, prediction.high)} | "
         f"{'yes' if does else '**no**'} | {entry.get('cause', '')} |"
     )
@@ -275,8 +277,8 @@ def main(arguments: Sequence[str] = ()) -> None:
     table = missions()
     predictions = predict_all(table)
     PAGE.write_text(_page(table, predictions), encoding="utf-8")
-    stored = {n: round(x, 4) for n, x in factors(table, predictions).items()}
-    STORED.write_text(json.dumps(stored, indent=1) + "\n", encoding="utf-8")
+    rows = {n: round(x, 4) for n, x in factors(table, predictions).items()}
+    STORED.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     print(PAGE.read_text(encoding="utf-8").partition("## What was typed")[0])
 
 

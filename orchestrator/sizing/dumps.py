@@ -472,18 +472,18 @@ def size(
         assumptions=shares,
         notes=(*notes, *_notes(sizing, requirements)),
     )
-    sizing = _judged(system, sizing, (), requirements)
+    sizing = _judge(system, sizing, (), requirements)
     if not (requirements.flown and (steady.first < window or options.stop is not None)):
         return sizing
     sized(sizing)
     causes = list(_causes(system, law, hardware))
     flights = _lengths_of_flights(system, options, window, steady, whole_run)
     loop, unmet = _fly_loops(target, options, flights, causes, progress)
-    sizing = _judged(system, replace(sizing, loop=loop), unmet, requirements)
+    sizing = _judge(system, replace(sizing, loop=loop), unmet, requirements)
     return replace(sizing, notes=(*notes, *_notes(sizing, requirements)))
 
 
-def _judged(
+def _judge(
     system: System,
     sizing: DumpSizing,
     unmet: Sequence[str],

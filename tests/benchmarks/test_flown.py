@@ -31,8 +31,8 @@ def test_factors():
 @pytest.mark.slow
 def test_no_prediction_gets_worse():
     table = study.missions()
-    stored = json.loads(study.STORED.read_text(encoding="utf-8"))
+    factors_stored = json.loads(study.STORED.read_text(encoding="utf-8"))
     of_today = study.factors(table, study.predict_all(table))
-    assert of_today.keys() == stored.keys(), "make flown"
-    worse = {n: x for n, x in of_today.items() if x > 1.05 * stored[n]}
+    assert of_today.keys() == factors_stored.keys(), "make flown"
+    worse = {n: x for n, x in of_today.items() if x > 1.05 * factors_stored[n]}
     assert not worse
