@@ -27,6 +27,9 @@ class ManagerThreshold(MomentumDumping):
 
         wheels:  fill = max |h_i|            sum:  fill = |h|
 
+    With `period` a dump also begins at each multiple of it since the first sample, where
+    `fill` is above `end`: a calendar.
+
     thrusters: the dumping torque is N = -torque h / |h|; the last sample is limited so
     that `fill` does not fall below `end`. Pairs about the body's axes give it with
     on-times of |N_x|, |N_y| and |N_z| over their levels. With `aligned` above 0 a dump
@@ -76,6 +79,9 @@ class ManagerThreshold(MomentumDumping):
     )
     end: float = Parameter(
         "N.m.s", "momentum at which it ends; below begin", start=0.1, min=0.0
+    )
+    period: float = Parameter(
+        "s", "time between dumps by the calendar; 0: there is none", min=0.0
     )
     torque: float = Parameter(
         "N.m",
@@ -139,7 +145,7 @@ class ManagerThreshold(MomentumDumping):
                 f"latest = {self.latest} N m s is not above begin = {self.begin} N m s"
             )
         self.dumps, self.dumping_time, self.dumped = 0, 0.0, 0.0
-        self._since = 0.0
+        self._since, self._next = 0.0, self.period
         self._rest: Vec3 = ZERO
         self._dumped_before = 0.0  # N m s, by earlier dumps
         self._dump_impulse: Vec3 = ZERO  # N m s, by the present dump
@@ -166,7 +172,12 @@ class ManagerThreshold(MomentumDumping):
         """
         size = norm(h)
         fill = max(abs(x) for x in self.h_wheel) if self.fill == WHEELS else size
-        if self.mode == IDLE and fill >= self.begin:
+        due = fill >= self.begin
+        if self.period > 0.0 and self._next <= elapsed_time:
+            due = due or fill > self.end
+            while self._next <= elapsed_time:
+                self._next += self.period
+        if self.mode == IDLE and due:
             self.mode, self._since = WAITING, t
         if self.mode == WAITING and self._goes(t, h, size, fill):
             self.mode, self._last, self._rest = DUMPING, 0, ZERO

@@ -119,6 +119,9 @@ ISP = Quantity("--isp", "s", 1.0, 1e4, bare=False)
 SAMPLE = Quantity("--sample", "s", 0.01, 10.0, bare=False)
 FILL = Quantity("--dump", "%", 0.0, 95.0)
 DUMPERS = ("thrusters", "coils")
+PERIOD = Quantity("--dump every", "s", 600.0, 1e8, bare=False)
+MOMENTA = {"Nms": 1.0, "mNms": 1e-3}  # N m s
+CALENDAR = (90.0, 1.0)  # %: dumps by the calendar begin at the first at once, and end
 # rad: maximum turn by one pulse of a dump, half of the allowed pointing error
 DEVIATION = math.radians(0.1)
 # s: sample times of thrusters; the longest that keeps DEVIATION is taken, at least a
@@ -168,6 +171,7 @@ class NewDumps:
     aligned: bool  # whether a dump waits until its momentum lies along an axis
     latest: str  # N m s: from there on it does not wait
     momentum: float  # N m s, between the thresholds
+    period: float  # s, of the calendar; 0: there is none
 
 
 class Assumption(NamedTuple):
@@ -445,7 +449,8 @@ def _template_values(
     bandwidth = min(
         quick, math.sqrt(wheels.torque_si / (max(inertia) * math.radians(5.0)))
     )
-    fullest = 1.0 if facts.dump is None else _fullest(facts.dump) / 100.0
+    rule = None if facts.dump is None else _rule(facts.dump, wheels.capacity_si)
+    fullest = 1.0 if rule is None else rule.fullest / 100.0
     loop = _attitude_loop(inertia, wheels, bandwidth, step)
     step = _stable_sample(loop, wheels, fullest, given_sample is not None)
     step_why = (
@@ -968,9 +973,10 @@ def _stop(orbit: Orbit, dump: NewDumps | None, torque: float, step: float) -> fl
     if orbit.period >= SLOW:
         days = math.ceil(10.0 * orbit.period / 86400.0) if orbit.of_earth else 10.0
     if dump is not None and dump.by == "thrusters":
-        days = max(
-            days, math.ceil(DUMPS * 1.7 * dump.momentum / max(torque, 1e-12) / 86400.0)
-        )
+        between = 1.7 * dump.momentum / max(torque, 1e-12)
+        if dump.period > 0.0:
+            between = min(between, 1.1 * dump.period)
+        days = max(days, math.ceil(DUMPS * between / 86400.0))
     return 86400.0 * max(1.0, min(days, math.floor(MOST_STEPS * step / 86400.0)))
 
 
@@ -990,7 +996,9 @@ def _dump(
                 "--dump 'thrusters 70:10'"
             )
         return None
-    begin, end, by, aligned = _thresholds(facts.dump)
+    capacity = wheels.capacity_si
+    rule = _rule(facts.dump, capacity)
+    begin, end, by, aligned, period = rule
     if by == "coils" and not rods:
         raise DesatError(f"--dump {facts.dump}: --rods none leaves no coils")
     if by == "coils" and aligned:
@@ -999,7 +1007,6 @@ def _dump(
         raise DesatError(
             f"--dump {facts.dump}: --thrusters says which, as --thrusters '4 1N'"
         )
-    capacity = wheels.capacity_si
     torque, sample = 0.5 * wheels.torque_si, 10.0
     origin = "half of what the wheels give"
     if thrusters is not None and by == "thrusters":
@@ -1017,51 +1024,78 @@ def _dump(
             )
     return NewDumps(
         by=by,
-        percent=(f"{begin:g}", f"{end:g}"),
+        percent=(f"{begin:.4g}", f"{end:.4g}"),
         begin=_text(begin / 100.0 * capacity),
         end=_text(end / 100.0 * capacity),
         torque=_text(torque),
         origin=origin,
         sample=sample,
         large=capacity >= 1.0,
-        most=f"{_fullest(facts.dump):g}",
+        most=f"{rule.fullest:g}",
         aligned=aligned,
         latest=_text((begin + 100.0) / 200.0 * capacity),
         momentum=(begin - end) / 100.0 * capacity,
+        period=period,
     )
 
 
-def _fullest(dump: str) -> float:
-    """Return the largest fill (%) that a craft with these dumps is allowed."""
-    begin, _, _, aligned = _thresholds(dump)
-    latest = (begin + 100.0) / 2.0  # where a dump that waits begins at last
-    return min(latest + 3.0 if aligned else begin + 10.0, 98.0)
+class DumpRule(NamedTuple):
+    """When dumps of a new craft begin and end."""
+
+    begin: float  # % of a wheel's capacity
+    end: float
+    by: str
+    aligned: bool  # whether they wait until their momentum lies along an axis
+    period: float  # s, of the calendar; 0: there is none
+
+    @property
+    def fullest(self) -> float:
+        """Return the largest fill (%) that a craft with these dumps is allowed."""
+        latest = (self.begin + 100.0) / 2.0  # where a dump that waits begins at last
+        return min(latest + 3.0 if self.aligned else self.begin + 10.0, 98.0)
 
 
-def _thresholds(text: str) -> tuple[float, float, str, bool]:
-    """Parse begin and end (%) of dumps, actuators, and whether dumps wait for an axis.
+def _rule(text: str, capacity: float) -> DumpRule:
+    """Parse when dumps begin and end, for wheels of a capacity (N m s).
 
     Raises DesatError for another form.
     """
+    if match := re.fullmatch(r"\s*thrusters\s+every\s+(\S+)\s*", text):
+        return DumpRule(*CALENDAR, "thrusters", False, PERIOD(match[1]))
     match = re.fullmatch(
-        r"\s*(\w+)\s+([\d.]+)\s*:\s*([\d.]+)\s*(%?)(\s+aligned)?\s*", text
+        r"\s*(\w+)\s+([\d.]+)\s*(m?Nms)?\s*:\s*([\d.]+)\s*(%|m?Nms)?(\s+aligned)?\s*",
+        text,
     )
     if match is None or match[1] not in DUMPERS:
         raise DesatError(
             f"--dump {text}: the form is thrusters BEGIN:END or coils BEGIN:END, in % of a wheel's "
-            "capacity, as 'thrusters 70:10'; of thrusters aligned may follow"
+            "capacity, as 'thrusters 70:10', or in momentum, as 'thrusters 1.8Nms:0'; of thrusters "
+            "aligned may follow; or 'thrusters every 7d'"
         )
-    begin, end = FILL(match[2]), FILL(match[3])
+    units = [x for x in (match[3], match[5]) if x not in (None, "%")]
+    if units:
+        each = [MOMENTA[x or units[0]] / capacity for x in (match[3], match[5])]
+        begin, end = (
+            100.0 * each[0] * float(match[2]),
+            100.0 * each[1] * float(match[4]),
+        )
+        if begin > FILL.most:
+            raise DesatError(
+                f"--dump {text}: a wheel holds {capacity:.4g} N m s: at most "
+                f"{FILL.most / 100.0 * capacity:.4g} N m s are covered"
+            )
+    else:
+        begin, end = FILL(match[2]), FILL(match[4])
     if end >= begin:
         raise DesatError(
-            f"--dump {text}: it ends at {end:g} %, which is not below {begin:g} %"
+            f"--dump {text}: it ends at {end:.4g} %, which is not below {begin:.4g} %"
         )
-    if begin < 1.0 and not match[4]:
+    if not units and begin < 1.0 and not match[5]:
         raise DesatError(
             f"--dump {text}: thresholds are in % of a wheel's capacity: "
             f"'{match[1]} {100.0 * begin:g}:{100.0 * end:g}', or {begin:g}:{end:g}%"
         )
-    return begin, end, match[1], bool(match[5])
+    return DumpRule(begin, end, match[1], bool(match[6]), 0.0)
 
 
 def _cycle(

@@ -851,6 +851,7 @@ class ThresholdLaw(NamedTuple):
     aligned: float  # |h|_1 / |h| up to which a dump begins; 0: it does not wait
     longest_wait: float  # s
     latest: float  # N m s, fill from which on no dump waits; inf: there is none
+    period: float  # s, between dumps by the calendar; inf: there is none
     block: ManagerThreshold  # the manager's block, set to dump at once
 
 
@@ -859,7 +860,7 @@ def _law_of(system: System) -> ThresholdLaw:
     manager = system.components["manager"]
     block, values = bare_block(manager), manager.values
     block.aligned, block.delay, block.wheel_sample_time = 0.0, 0.0, 0.0
-    block.latest = 0.0
+    block.latest = block.period = 0.0
     block.check()
     assert isinstance(block, ManagerThreshold)
     return ThresholdLaw(
@@ -872,6 +873,7 @@ def _law_of(system: System) -> ThresholdLaw:
         aligned=float(values["aligned"]),
         longest_wait=float(values["longest_wait"]),
         latest=float(values["latest"]) or inf,
+        period=float(values["period"]) or inf,
         block=block,
     )
 
@@ -1183,6 +1185,7 @@ def _course(
         float(flight.times[-1] - flight.times[0]),
     )
     begun, dumps = -float(times[row]), 0
+    calendar = law.period
     while dumps < most and begun < LONGEST:
         momentum = total + gained[row:] - gained[row]
         momentum_body = rotate(flight.q[row:], momentum) - flight.body[row:] - target
@@ -1192,6 +1195,8 @@ def _course(
             else np.linalg.norm(momentum_body, axis=1)
         )
         full = fill >= begin
+        if law.period < inf:
+            full |= _is_due(begun + times[row:], calendar, law) & (fill > law.end)
         if not full.any():
             if not goes_on:
                 return
@@ -1202,10 +1207,13 @@ def _course(
                 if growth > 0.0 and row == 0
                 else 1.0
             )
-            times_on = max(1, int(min(steps_free, (LONGEST - begun) / span)))
+            until = min(LONGEST, calendar)
+            times_on = max(1, int(min(steps_free, (until - begun) / span)))
             total = momentum[-1] + (times_on - 1) * gained[-1]
             begun, row = begun + times_on * span, 0
-            if not dumps and begun >= 3.0 * span and _stays(flight, law, fill):
+            if law.period == inf and (
+                not dumps and begun >= 3.0 * span and _stays(flight, law, fill)
+            ):
                 return
             continue
         k = _begins(law, momentum_body, fill, times[row:], int(np.argmax(full)))
@@ -1215,7 +1223,15 @@ def _course(
         inertial = rotate_back(flight.q[row + k : row + k + 1], out[None])[0]
         total = momentum[k] - inertial
         row, dumps = row + k, dumps + 1
+        if law.period < inf:
+            calendar = law.period * (1 + (begun + float(times[row])) // law.period)
         yield begun + float(times[row]), out, inertial
+
+
+def _is_due(times: Array, since: float, law: ThresholdLaw) -> Array:
+    """Return the rows (n,) at times (s) where the calendar has a dump, from `since` on."""
+    count = np.floor(times / law.period)
+    return (np.diff(count, prepend=count[0] - 1.0) > 0.0) & (times >= since)
 
 
 def _taken(

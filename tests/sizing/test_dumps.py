@@ -4,6 +4,7 @@ its closed loop."""
 
 from __future__ import annotations
 
+import itertools
 import re
 import signal
 import time
@@ -107,6 +108,37 @@ def test_a_dump_goes_from_one_threshold_to_the_other():
     assert block.dumps == 5
     assert block.dumping_time == pytest.approx(10.0 * len(dumping))
     assert all(np.linalg.norm(n) <= 0.01 + 1e-15 for _, _, n in rows)
+
+
+def test_a_dump_by_the_calendar_begins_at_its_multiples():
+    """At 600 s nothing is above the end; at 1200 s and 1800 s 0.6 N m s are."""
+    block = law(period=600.0, begin=5.0, torque=0.1)
+    rows = fly(block, [0.0, 0.0, 0.0], 200, grows=3e-4)
+    begins = [
+        10 * k
+        for k, (before, now) in enumerate(itertools.pairwise(rows), 1)
+        if now[1] == 1 and before[1] != 1
+    ]
+    assert begins == [1200, 1800]
+    assert block.dumps == 2
+    early = law(period=600.0, torque=0.1)
+    assert fly(early, [1.0, 0.0, 0.0], 1)[0][1] == 1, "at its threshold at once"
+
+
+@pytest.mark.parametrize("dump", ["thrusters every 1d", "thrusters 12Nms:0"])
+def test_dumps_by_calendar_and_momentum_are_sized_as_they_fly(tmp_path, dump):
+    write(tmp_path / "mine", replace(GEO, dump=dump), "")
+    sizing = size_dumps(
+        str(tmp_path / "mine"),
+        Options(stop=12.0 * 86400.0),
+        SizingRequirements(year=False),
+    )
+    assert sizing.loop["dumps_a_week"] == pytest.approx(sizing.steady.a_week, rel=0.05)
+    assert sizing.loop["dump_momentum"] == pytest.approx(
+        sizing.steady.momentum, rel=0.05
+    )
+    if "every" in dump:
+        assert sizing.steady.a_week == pytest.approx(7.0, rel=0.01)
 
 
 def test_an_aligned_dump_waits_for_its_attitude_but_not_for_ever():
@@ -398,7 +430,7 @@ def test_the_model_is_within_5_percent_of_the_closed_loop(tmp_path):
     write(tmp_path / "mine", facts, "desat new craft mine")
     sizing = dumps.size(
         str(tmp_path / "mine"),
-        Options(stop=3.0 * 86400.0),
+        Options(stop=12.0 * 86400.0),
         SizingRequirements(year=False),
     )
     assert sizing.loop["dumps"] >= 7
@@ -431,6 +463,14 @@ def test_worst_of_a_geo_craft_is_sound(geo):
     [
         ({"dump": None}, "no rods: --dump says what takes momentum out"),
         ({"dump": "thrusters 10:70"}, "it ends at 70 %, which is not below 10 %"),
+        ({"dump": "thrusters 90Nms:0"}, "a wheel holds 50 N m s: at most 47.5 N m s"),
+        ({"dump": "thrusters 1Nms:2Nms"}, "it ends at 4 %, which is not below 2 %"),
+        ({"dump": "thrusters every 7"}, "a unit is needed"),
+        ({"dump": "thrusters every 1s"}, "600 to 1e+08 s are covered"),
+        (
+            {"dump": "coils every 7d"},
+            "the form is thrusters BEGIN:END or coils BEGIN:END",
+        ),
         ({"dump": "sails 70:10"}, "the form is thrusters BEGIN:END or coils BEGIN:END"),
         ({"dump": "coils 70:10"}, "--rods none leaves no coils"),
         ({"thrusters": None}, "--thrusters says which"),

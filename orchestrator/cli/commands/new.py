@@ -81,8 +81,9 @@ def craft(
     dump: Annotated[
         str | None,
         typer.Option(
-            help='Between shares (%) of a wheel: "thrusters 70:10", "coils 70:10"; "thrusters '
-            '70:10 aligned": each waits for its cheapest attitude.'
+            help='Between shares (%) of a wheel: "thrusters 70:10", "coils 70:10", or momenta: '
+            '"thrusters 1.8Nms:0"; "thrusters 70:10 aligned": each waits for its cheapest '
+            'attitude; by the calendar: "thrusters every 7d".'
         ),
     ] = None,
     panel: Annotated[
