@@ -34,7 +34,7 @@ MISSIONS, TEXT, STORED = (
     HERE / name for name in ("flown.toml", "flown.md", "flown.json")
 )
 PAGE = HERE.parent / "docs" / "flown.md"
-DAY = 86400.0
+DAY, GRAVITY = 86400.0, 9.80665
 # quantity -> its title, unit, and the factor to it from what `desat size` gives
 INTERVALS = {
     "interval": ("Time between dumps", "d", 1.0 / DAY),
@@ -44,6 +44,7 @@ INTERVALS = {
     "wheel": ("Fullest wheel without the secular part", "N m s", 1.0),
 }
 UNITS = {
+    "net velocity": "m/s",
     "ratio of dumps": "1",
     "rate after 60 s": "deg/s",
     "inertia x": "kg m2",
@@ -105,6 +106,10 @@ def predict(entry: Mapping[str, Any]) -> Prediction:
         if quantity == "rate after 60 s":
             return _rate(craft, entry["start"])
         rows = _sizes(craft)
+        if quantity == "net velocity":
+            row = rows["Propellant of a dump"]
+            per_kg = entry["isp"] * GRAVITY / entry["mass"]
+            return Prediction(*(per_kg * x for x in (row.value, row.low, row.high)))
         if quantity == "ratio of dumps":
             other = f"{folder}/beside"
             desat("new", "craft", other, *shlex.split(entry["beside"]))

@@ -196,7 +196,12 @@ def main() -> int:
                         file = DOCS / f"your-craft-{name}-{plot}.svg"
                         file.write_text(drawn(name, folder, plot), encoding="utf-8")
                         parts.append(f"![{plot} over the run]({file.name})\n")
-            parts.append(f"All of it took {full:.0f} s of CPU.\n")
+            sheet = DOCS / "_static" / f"budget-{name}.html"
+            ran(["budget", name, "--out", str(sheet)], folder)
+            parts.append(
+                f"All of it took {full:.0f} s of CPU. The sheet of `desat budget {name}`: "
+                f"[{name}](_static/{sheet.name}).\n"
+            )
     (DOCS / "your-craft.md").write_text("\n".join(parts), encoding="utf-8")
     return 0
 

@@ -243,6 +243,7 @@ def tabulate_dumps(sizing: DumpSizing) -> Table:
         ("dumps a week", steady.a_week, loop.get("dumps_a_week"), ""),
         ("the same, thresholds 1 % apart", apart, "", ""),
         ("momentum of a dump", steady.momentum, loop.get("dump_momentum"), "N.m.s"),
+        ("impulse of force of a dump", steady.impulse, None, "N.s"),
         ("propellant of a dump", steady.propellant, loop.get("dump_propellant"), "kg"),
         (
             "propellant a year, from the simulated time",
