@@ -301,13 +301,7 @@ class DumpSizing:
         if self.steady.interval == inf:
             return f"{self.target}: its wheels never come to {self.begin:.4g} N m s: no dump."
         each = f"{1e3 * self.steady.propellant:.3g} g each"
-        margins_text = describe_margins(self.margins)
-        holds = (
-            f"{self.target} holds with {margins_text}. It"
-            if margins_text
-            else self.target
-        )
-        text = f"{holds.strip()} {self._gains()}"
+        text = f"{describe_margins(self.target, self.margins)}. It {self._gains()}"
         text += (
             f"dumps {self.steady.a_week:.3g} times a week, {each}, "
             f"{self.steady.a_year:.3g} kg a year"

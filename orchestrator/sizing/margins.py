@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from ..numbers.text import format_duration
+from ..numbers.text import format_duration, format_momenta, spell_unit
 from ..report.cases import Margin
 from ..report.table import ROW_UNIT, Column, Row, Table
 from ..system.typed import JsonObject
 from .intervals import AssumptionShare, Interval
+
+PLURAL = frozenset(("wheels", "coils", "rods"))
 
 
 def finite(value: Any) -> Any:
@@ -30,21 +32,38 @@ def margins_as_json(margins: Sequence[Margin]) -> list[JsonObject]:
     return [finite(m._asdict() | {"margin": m.margin}) for m in margins]
 
 
-def describe_margins(margins: Sequence[Margin]) -> str:
-    """Say in which case the least of each kind is left, the worst first."""
-    least: dict[str, Margin] = {}
+def describe_margins(target: str, margins: Sequence[Margin]) -> str:
+    """Say in which case the least of each kind is left, the worst first.
+
+    Cases in which something is short are of what is assumed, as all others are problems:
+    they are told of apart.
+    """
+    least, short = dict[str, Margin](), dict[str, Margin]()
     for m in sorted(margins, key=lambda m: m.margin):
-        least.setdefault(m.of, m)
+        (least if m.margin >= 0.0 else short).setdefault(m.of, m)
     by_case: dict[str, list[Margin]] = {}
     for m in least.values():
         by_case.setdefault(m.case, []).append(m)
     texts = []
     for case, rows in by_case.items():
-        margins_text = " and ".join(
-            f"{100.0 * m.margin:.0f} % of the {m.of}" for m in rows
-        )
-        texts.append(f"{margins_text} ({case})")
-    return f"margins of {', '.join(texts)}" if texts else ""
+        each = " and ".join(f"{100.0 * m.margin:.0f} % of the {m.of}" for m in rows)
+        texts.append(f"{each} ({case})")
+    holds = f"{target} holds"
+    if short:
+        holds += " as it is described"
+    text = f"{holds} with margins of {', '.join(texts)}" if texts else target
+    return text + "".join(f"; {_describe_short(m)}" for m in short.values())
+
+
+def _describe_short(margin: Margin) -> str:
+    """Say what a case takes that is short of it."""
+    if margin.unit == "N.m.s":
+        amount = format_momenta(margin.used, margin.limit)
+    else:
+        unit = spell_unit(margin.unit)
+        amount = f"{margin.used:.3g} of {margin.limit:.3g} {unit}"
+    verb = "come" if margin.of in PLURAL else "comes"
+    return f"the {margin.of} {verb} to {amount} ({margin.case})"
 
 
 def tabulate_spread(

@@ -190,12 +190,8 @@ class Sizing:
             )
         else:
             rods = f"rods of {self.recommended:.3g} A m2 are recommended: they hold {self._held()}"
-        margins_text = describe_margins(
-            [m for m in self.margins if m.of not in ("rods", "time")]
-        )
-        holds = (
-            f"{self.target} holds with {margins_text}" if margins_text else self.target
-        )
+        margins = [m for m in self.margins if m.of not in ("rods", "time")]
+        holds = describe_margins(self.target, margins)
         text = f"{holds}{self._leading()}. {rods[0].upper()}{rods[1:]}{required}; "
         text += f"it has {self.rod:.4g} A m2. "
         if (

@@ -366,6 +366,7 @@ def test_size_prints_dumps_with_their_units():
         ["dumps a week", "1", "0.966", ""],
         ["the same, thresholds 1 % apart", "0.95 to 0.97", "", ""],
         ["momentum of a dump", "49.4", "49.2", "N m s"],
+        ["impulse of force of a dump", "46", "", "N s"],
         ["propellant of a dump", "0.0215", "0.0214", "kg"],
         ["propellant a year, from the simulated time", "1.122", "1.078", "kg"],
         ["propellant a year, mean over the days of the year", "1.079", "", "kg"],
