@@ -52,7 +52,7 @@ CRAFTS = {
     "GEO": (
         "--orbit geo --mass 2500kg --box 2,2,3 --rods none --wheels '4 pyramid 20Nms' "
         "--wing '13m2 1.35m' --thrusters '4 10N' --dump 'thrusters 70:10'",
-        60.0 * DAY,
+        40.0 * DAY,
     ),
     "deep space": (
         "--sun 1AU --mass 600kg --box 1.5,1.5,2 --rods none --wheels '4 pyramid 1Nms' "
@@ -63,7 +63,7 @@ CRAFTS = {
         "--altitude 1400km --inclination 52deg --pointing yaw --mass 450kg --rods none "
         "--wing '5m2 2.2m' --wheels '4 pyramid 4Nms' --thrusters '4 0.5N' "
         "--dump 'thrusters 70:10'",
-        30.0 * DAY,
+        12.0 * DAY,
     ),
 }
 
