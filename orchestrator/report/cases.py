@@ -43,6 +43,11 @@ class CraftCases(NamedTuple):
     holds: bool
     table: Table
 
+    @property
+    def verdict(self) -> str:
+        """Return the first sentence of the answer."""
+        return self.answer.partition(". ")[0].removesuffix(".")
+
 
 def tabulate_margins(margins: Sequence[Margin]) -> Table:
     """Tabulate what each case takes beside what is allowed, the worst case first."""

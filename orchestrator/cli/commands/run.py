@@ -376,8 +376,7 @@ def _report_run(
     for line in other.manifest.not_met if other else ():
         err.print(f"baseline: not met: {line}")
     for cases in find_cases(folder.parent, [manifest.parameters]):
-        worst = cases.answer.partition(". ")[0].removesuffix(".")
-        out.print(f"Sized: {worst}.", highlight=False, markup=False)
+        out.print(f"Sized: {cases.verdict}.", highlight=False, markup=False)
     verdict = describe_verdicts(manifest.verdicts, len(manifest.unmet))
     if verdict and manifest.completed:
         out.print(f"{verdict}.", highlight=False, markup=False)
