@@ -50,6 +50,7 @@ TITLES = {
 }
 FIELD_ERROR = 100e-9  # T: standard deviation of a model of the field, each axis
 ATTITUDE_ERROR = np.radians(0.1)  # rad: standard deviation of an attitude, each axis
+HARMONICS = 0.5, 1.0, 2.0  # of the orbit: courses of errors beside the constant
 ALONG = 0.97  # cosine between a direction and the line that it is called by
 UNEXPLAINED = 0.3  # share of the momentum that may be left without an explanation
 BEYOND_NOISE = 10.0  # of what noise leaves, from which on a log is not explained
@@ -314,7 +315,9 @@ class _Problem:
         q = inputs.pop("q_bi")
         dipole = momentum.dipole + values.get(DIPOLE, np.zeros(3))
         angle = 2.0 * np.pi * (flight.times - flight.times[0]) / flight.period
-        courses = np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)])
+        courses = [np.ones_like(angle)]
+        for order in HARMONICS:
+            courses += [np.cos(order * angle), np.sin(order * angle)]
         changes = {n: x.tolist() for n, x in values.items()}
 
         def torque_at(attitude: Array) -> Array:
@@ -324,7 +327,7 @@ class _Problem:
             return rotate_back(attitude, coils) + sum(each.values())
 
         nominal = torque_at(q)
-        for course in courses[:, :, None] / np.sqrt(2.0):
+        for course in np.stack(courses)[:, :, None] / np.sqrt(2.0):
             for axis in np.eye(3):
                 field = self._errors[0] * course * axis
                 torque = rotate_back(q, cross(dipole, rotate(q, field)))

@@ -75,7 +75,7 @@ class Log:
     values: Mapping[str, Array]
 
 
-def read_log(file: Path, origin: datetime, is_scalar_first: bool = False) -> Log:
+def read_log(file: Path, origin: datetime | None, is_scalar_first: bool = False) -> Log:
     """Read a log.
 
     Parameters
@@ -83,7 +83,7 @@ def read_log(file: Path, origin: datetime, is_scalar_first: bool = False) -> Log
     file
         The csv file.
     origin
-        UTC of the craft's t = 0.
+        UTC of the craft's t = 0; None: it has none, and times are in seconds.
     is_scalar_first
         Whether the scalar is the first element of the quaternions in the file. Those
         that are returned have it last.
@@ -122,11 +122,11 @@ def _read_headings(file: Path, place: str) -> tuple[list[_Heading], int, str]:
     """Read the headings; return them, the lines up to them, and the separator."""
     try:
         with file.open(encoding="utf-8-sig", newline="") as lines:
-            for skip, line in enumerate(lines):
-                if line.strip() and not line.startswith("#"):
-                    break
-            else:
-                raise DesatError(f"{place}: it is empty; a heading and rows are needed")
+            skip, line = next(
+                (k, x) for k, x in enumerate(lines) if x.strip() and x[0] != "#"
+            )
+    except StopIteration:
+        raise DesatError(f"{place}: empty; a heading and rows are needed") from None
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not UTF-8"
         raise DesatError(f"{place}: {reason}") from error
@@ -244,6 +244,10 @@ def _times_of(cells: Any, heading: _Heading, place: str, origin: datetime) -> Ar
     if first is not None and not is_float(first):
         from pandas import to_datetime
 
+        if origin is None:
+            raise DesatError(
+                f"{at}: the craft has no epoch: times in seconds are needed"
+            )
         try:
             stamps = to_datetime(cells.to_pylist(), utc=True, format="ISO8601")
         except (ValueError, TypeError) as error:
@@ -280,8 +284,13 @@ def _unit_quaternions(q: Array, is_scalar_first: bool, place: str) -> Array:
             f"{place}: unknown attitude: the quaternion of row {row} has the size "
             f"{size[row - 1, 0]:.3g}; 1 is needed"
         )
-    q = q / size
-    rows = np.flatnonzero(~np.isnan(size[:, 0]))
+    return align_signs(q / size)
+
+
+def align_signs(q: Array) -> Array:
+    """Return quaternions (n, 4) of one sign from row to row; nan rows stay."""
+    q = q.copy()
+    rows = np.flatnonzero(~np.isnan(q).any(axis=1))
     turns = np.where((q[rows[1:]] * q[rows[:-1]]).sum(axis=1) < 0.0, -1.0, 1.0)
     q[rows[1:]] *= np.cumprod(turns)[:, None]
-    return np.asarray(q)
+    return q

@@ -9,7 +9,7 @@ have, end a segment.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +21,13 @@ from ..numbers.spline import Spline
 from ..system.errors import DesatError
 from ..system.model import System
 from ..system.wheels import axes_of, existing
-from .log import Log
+from .log import Log, align_signs
 
 Array = NDArray[np.float64]
 BLOCK_TIME = 10.0  # s: rows of a log are averaged over it
 GRID_TIME = 20.0  # s: distance of the times at which torques are computed
 NODE_TIME = 60.0  # s: distance of the times at which the environment is
+RATE_TIME = 300.0  # s: attitudes that give a rate are this far apart, for their noise
 GAP = 3.0  # a longer interval than this many of the log's median ends a segment
 SPARSE = 1.5  # rows are thinner than the coils' samples beyond this many sample times
 JUMP = 20.0  # a larger change of the momentum than this many of the median is a pulse
@@ -233,19 +234,34 @@ def _fly(
     """
     if q is None:
         try:
-            return flights.flown_at(
-                system, flights.wanted_attitude(system), inputs, grid
-            )
+            attitude = flights.wanted_attitude(system)
+            flight = flights.flown_at(system, attitude, inputs, grid)
+            return replace(flight, q=align_signs(flight.q))
         except DesatError as error:
             raise DesatError(
                 f"{log.place}: unknown attitude: no column q_bi; {error}"
             ) from error
     spline = Spline(blocks.times, blocks.mean(q))
     at = spline(grid)
-    rise = (spline(grid + 1.0) - spline(grid - 1.0)) / 2.0  # 1/s
-    vector, scalar = at[:, :3], at[:, 3:]
-    omega = 2.0 * (
-        scalar * rise[:, :3] - rise[:, 3:] * vector - cross(vector, rise[:, :3])
-    )
+    omega = _mean_rate(spline, grid)
     at = at / np.linalg.norm(at, axis=1, keepdims=True)
     return flights.flight_at(system, at, omega, inputs, grid)
+
+
+def _mean_rate(attitude: Spline, times: Array) -> Array:
+    """Compute the mean rate (n, 3) rad/s, body, over RATE_TIME around times (s).
+
+    It is that of a rotation about a fixed axis between the attitudes at both ends.
+    """
+    begin = np.maximum(times - RATE_TIME / 2.0, times[0])
+    end = np.minimum(times + RATE_TIME / 2.0, times[-1])
+    before, after = attitude(begin), attitude(end)
+    vector = (
+        before[:, 3:] * after[:, :3]
+        - after[:, 3:] * before[:, :3]
+        + cross(after[:, :3], before[:, :3])
+    )
+    size = np.linalg.norm(vector, axis=1, keepdims=True)
+    half = np.arctan2(size, (before * after).sum(axis=1, keepdims=True))
+    scale = np.divide(half, size, out=np.ones_like(size), where=size > 0.0)
+    return np.asarray(2.0 * scale * vector / (end - begin)[:, None])

@@ -14,6 +14,7 @@ from desat.runs.prepare import prepare
 from desat.system.model import System
 from desat.system.options import Options
 from desat.telemetry.fit import _turn
+from desat.telemetry.log import align_signs
 
 STEP = 10.0  # s
 
@@ -30,7 +31,9 @@ class Errors:
 
 def system_of(craft: Path, values: dict[str, Any] | None = None) -> System:
     """Return a craft with some values of the spacecraft changed."""
-    changed = {f"spacecraft.{k}": list(map(float, x)) for k, x in (values or {}).items()}
+    changed = {
+        f"spacecraft.{k}": list(map(float, x)) for k, x in (values or {}).items()
+    }
     return prepare(str(craft), Options(values=changed)).or_raise()[0]
 
 
@@ -66,6 +69,7 @@ def columns_of(
     attitude = flights.wanted_attitude(system)
     flight = flights.flown_at(system, attitude, inputs, times)
     hardware = flights.hardware_of(system)
+    attitudes = align_signs(flight.q)
     turn = from_body(flight.q)  # columns: body axes in eci
     body = flight.omega @ hardware.inertia.T
     spread, capacity = hardware.spread(), hardware.capacity.max()
@@ -84,7 +88,10 @@ def columns_of(
         momenta.append(spread @ h)
         dipoles.append(m)
         if k + 1 < len(times):
-            q, b_eci = flight.q[k : k + 2].mean(axis=0), flight.b[k : k + 2].mean(axis=0)
+            q, b_eci = (
+                attitudes[k : k + 2].mean(axis=0),
+                flight.b[k : k + 2].mean(axis=0),
+            )
             q = (q / np.linalg.norm(q))[None]
             total = total + STEP * cross(rotate_back(q, m[None]), b_eci[None])[0]
             total = total + flight.disturbance[k + 1] - flight.disturbance[k]
