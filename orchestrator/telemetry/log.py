@@ -14,7 +14,7 @@ import csv
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from ..files import paths
 from ..files.columns import unit_factor
 from ..system.errors import DesatError, plain
+from ..system.model import J2000
 from ..system.quantity import is_float
 
 Array = NDArray[np.float64]
@@ -116,6 +117,12 @@ def read_log(file: Path, origin: datetime | None, is_scalar_first: bool = False)
             values["attitude"], is_scalar_first, place
         )
     return Log(place, times, values)
+
+
+def origin_of(parameters: Mapping[str, Mapping[str, Any]]) -> datetime | None:
+    """Return UTC of the t = 0 of a craft with these parameters; None without an epoch."""
+    epoch = parameters.get("environment", {}).get("epoch_j2000")
+    return None if epoch is None else J2000 + timedelta(seconds=float(epoch.value))
 
 
 def _read_headings(file: Path, place: str) -> tuple[list[_Heading], int, str]:
