@@ -21,6 +21,7 @@ from .fit import Fit, ParameterFit
 
 VALUES, SPREADS = "parameters.spacecraft", "dispersions"
 BACKUP = ".bak"
+_NOTES = ("fit of ", "before [")  # begins of what an earlier fit has noted
 # texts and comments of a line of TOML, whose brackets do not count
 _ASIDE = re.compile(r"\"(?:\\.|[^\"\\])*\"|'[^']*'|#.*")
 
@@ -120,7 +121,8 @@ def _assign(text: str, table: str, key: str, value: str, note: str) -> str:
         return "".join(lines)
     first, last = line - 1, _end_of(lines, line - 1)
     _, _, comment = _ASIDE.sub(_keep_comment, lines[last]).partition("#")
-    more = f"; {comment.strip()}" if comment.strip() else ""
+    parts = [x for x in comment.strip().split("; ") if not x.startswith(_NOTES)]
+    more = "".join(f"; {x}" for x in parts if x)
     indent = lines[first][: len(lines[first]) - len(lines[first].lstrip())]
     lines[first : last + 1] = [f"{indent}{key} = {value}   # {note}{more}\n"]
     return "".join(lines)

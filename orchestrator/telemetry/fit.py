@@ -113,15 +113,15 @@ def fit(
     names = [n for n in UNITS if n in spacecraft.values]
     measured_momentum = measure_momentum(system, log)
     problem = _Problem(system, measured_momentum, names, errors)
-    solution, notes = problem.solve(names), []
+    notes = []
     if STEADY in names and not _is_steady_known(system):
-        others = names[: names.index(STEADY)]
-        alone = problem.solve(others)
-        if _hides(solution, alone):
-            solution = alone
+        others = [n for n in names if n != STEADY]
+        if _hides(problem.solve(names, True), problem.solve(others, True)):
+            names = others
             notes.append(
                 "a steady torque cannot be told from the others: that of craft.toml stands"
             )
+    solution = problem.solve(names)
     _check_explained(log, problem.size, solution)
     parameters = {x.name: x for x in solution.parameters}
     if not any(x.is_observed.any() for x in parameters.values()):
@@ -195,8 +195,8 @@ class _Problem:
         columns: dict[tuple[str, int], Array] = {}
         for (name, element, _), impulse in zip(bases.terms, bases.rows, strict=True):
             columns[name, element] = columns.get((name, element), 0.0) + impulse
-        given = columns.pop(("", -1), none)
-        self._y = self._centre(momentum.y - momentum.at_blocks(given))
+        fixed_part = columns.pop(("", -1), none)
+        self._y = self._centre(momentum.y - momentum.at_blocks(fixed_part))
         self._columns = {
             key: self._centre(momentum.at_blocks(x)) for key, x in columns.items()
         }
@@ -213,87 +213,74 @@ class _Problem:
         means = np.stack([np.bincount(number, x) for x in values.T], axis=1) / count
         return np.asarray(values - means[number])
 
-    def solve(self, names: Sequence[str]) -> _Solution:
-        """Solve for some parameters; the others are as the craft has them."""
+    def solve(self, names: Sequence[str], is_alone: bool = False) -> _Solution:
+        """Solve for some parameters; the others are as the craft has them.
+
+        With `is_alone` the log alone counts, not what is known without it.
+        """
         before = np.concatenate([self._before[n] for n in names])
-        spread = np.concatenate([self._spread(n) for n in names])
-        matrix = np.stack(
+        spread = np.concatenate([self._spread(n, is_alone) for n in names])
+        matrix = spread * np.stack(
             [self._columns[n, k].ravel() for n in names for k in range(3)], axis=1
         )
-        rest = self._y.ravel() - matrix @ before
-        for name in set(self._before) - set(names):
-            for k, x in enumerate(self._before[name]):
-                rest = rest - x * self._columns[name, k].ravel()
-        matrix = matrix * spread
+        rest = self._y.ravel()
+        for (name, k), column in self._columns.items():
+            rest = rest - self._before[name][k] * column.ravel()
         squares, axes = np.linalg.eigh(matrix.T @ matrix)
-        axes = axes[:, squares > SINGULAR * squares[-1]]
-        squares = squares[squares > SINGULAR * squares[-1]]
-        left = rest - matrix @ (axes / squares @ (axes.T @ (matrix.T @ rest)))
-        variance, independent = _sample_variance(left.reshape(-1, 3), len(spread))
-        is_seen = variance < squares
-        axes, squares = axes[:, is_seen], squares[is_seen]
-        # of what is scaled by its spread and seen: solution and covariance
+        is_regular = squares > SINGULAR * squares[-1]
+        axes, squares = axes[:, is_regular], squares[is_regular]
+        residual = rest - matrix @ (axes / squares @ (axes.T @ (matrix.T @ rest)))
+        residual = residual.reshape(-1, 3)
+        variance, independent = _sample_variance(residual, len(spread))
+        axes, squares = axes[:, squares > variance], squares[squares > variance]
+        # to the coordinates along these axes, in which the covariance is diagonal
         solver = (axes / squares).T @ matrix.T
         covariance = np.diag(variance / squares)
-        columns = list(
-            self._error_columns(
-                dict(
-                    zip(
-                        names,
-                        np.split(
-                            before + spread * (axes @ (solver @ rest)), len(names)
-                        ),
-                        strict=True,
-                    )
-                )
-            )
-        )
-        for column in columns:
-            change = solver @ column.ravel()
+        value = before + spread * (axes @ (solver @ rest))
+        vectors = np.split(value, len(names))
+        errors = list(self._error_columns(dict(zip(names, vectors, strict=True))))
+        for error in errors:
+            change = solver @ error.ravel()
             covariance = covariance + np.outer(change, change)
         sizes, turn = np.linalg.eigh(covariance)
-        seen = (axes @ turn)[:, sizes < 1.0]
-        unseen = np.eye(len(spread)) - seen @ seen.T
-        value = before + spread * (seen @ (seen.T @ (axes @ (solver @ rest))))
-        square = (seen**2 @ sizes[sizes < 1.0]) + np.diag(unseen)
-        parameters = [
-            ParameterFit(
+        observed_axes = (axes @ turn)[:, sizes < 1.0]
+        sizes = sizes[sizes < 1.0]
+        unseen = np.eye(len(spread)) - observed_axes @ observed_axes.T
+        projector = axes.T @ observed_axes @ observed_axes.T
+        value = before + spread * ((solver @ rest) @ projector)
+        squares = observed_axes**2 @ sizes + np.diag(unseen)
+        parameters = []
+        unobserved: list[str] = []
+        for i, name in enumerate(names):
+            part = slice(3 * i, 3 * i + 3)
+            parameter = ParameterFit(
                 name,
                 UNITS[name],
-                *(
-                    x[3 * i : 3 * i + 3]
-                    for x in (
-                        before,
-                        spread,
-                        value,
-                        spread * np.sqrt(square),
-                        square < OBSERVED**2,
-                    )
-                ),
+                before[part],
+                spread[part],
+                value[part],
+                spread[part] * np.sqrt(squares[part]),
+                squares[part] < OBSERVED**2,
             )
-            for i, name in enumerate(names)
-        ]
-        words = [
-            self._describe_unseen(x, unseen[3 * i : 3 * i + 3, 3 * i : 3 * i + 3])
-            for i, x in enumerate(parameters)
-        ]
-        noise = np.sqrt(
-            sum(float(np.mean(x**2)) for x in columns)
-            + np.mean(np.diff(left.reshape(-1, 3), axis=0) ** 2) / 2.0
+            parameters.append(parameter)
+            unobserved += self._describe_unseen(parameter, unseen[part, part])
+        steps = np.diff(residual, axis=0)  # what is rough of it is noise
+        noise = (
+            sum(float(np.mean(x**2)) for x in errors) + float(np.mean(steps**2)) / 2.0
         )
         return _Solution(
             parameters,
-            [text for texts in words for text in texts],
-            float(np.sqrt(np.mean(left**2))),
-            float(noise),
+            unobserved,
+            float(np.sqrt(np.mean(residual**2))),
+            float(np.sqrt(noise)),
             independent,
         )
 
-    def _spread(self, name: str) -> Array:
+    def _spread(self, name: str, is_alone: bool) -> Array:
         """Return the standard deviation (3,) of a parameter that is known without a log.
 
-        It is that of [dispersions]; without an entry it is the value whose torque alone
-        would make the momentum.
+        It is that of [dispersions]; without an entry, and with `is_alone`, it is the
+        value whose torque would make all of the momentum.
         """
         before = self._before[name]
         size = float(np.linalg.norm(before))
@@ -301,7 +288,7 @@ class _Problem:
         effect = float(np.sqrt(np.mean(np.square(columns))))
         fallback = max(size, self.size / effect) if effect > 0.0 else max(size, 1.0)
         spec = dispersions_of(self._system).get(f"spacecraft.{name}")
-        spread = np.zeros(3) if spec is None else _deviation_of(spec, size)
+        spread = np.zeros(3) if spec is None or is_alone else _deviation_of(spec, size)
         return np.where(spread > 0.0, spread, fallback)
 
     def _error_columns(self, values: Mapping[str, Array]) -> Iterator[Array]:
@@ -387,22 +374,22 @@ def _deviation_of(spec: Dispersion, size: float) -> Array:
     return np.full(3, deviation)
 
 
-def _sample_variance(left: Array, count: int) -> tuple[float, float]:
+def _sample_variance(residual: Array, count: int) -> tuple[float, float]:
     """Estimate the variance of a residual (n, 3) as if samples were independent.
 
     The autocorrelation is summed up to its first zero. Returns that variance times the
     samples that stand for an independent one, and the number of these. `count`
     parameters have been fitted.
     """
-    n = len(left)
-    spectrum = np.abs(np.fft.rfft(left - left.mean(axis=0), 2 * n, axis=0)) ** 2
+    n = len(residual)
+    spectrum = np.abs(np.fft.rfft(residual - residual.mean(axis=0), 2 * n, axis=0)) ** 2
     lags = np.fft.irfft(spectrum.sum(axis=1))[:n]
     correlation = lags / max(lags[0], 1e-300)
     end = int(np.argmax(correlation < 0.0)) or n
     dependent = max(1.0, 1.0 + 2.0 * float(correlation[1:end].sum()))
-    independent = max(left.size / dependent, count + 1.0)
-    square = float(np.mean(left**2)) * independent / (independent - count)
-    return square * left.size / independent, independent
+    independent = max(residual.size / dependent, count + 1.0)
+    square = float(np.mean(residual**2)) * independent / (independent - count)
+    return square * residual.size / independent, independent
 
 
 def _turn(q: Array, turn: Array) -> Array:

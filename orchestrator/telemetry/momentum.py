@@ -85,11 +85,11 @@ def measure_momentum(system: System, log: Log) -> MeasuredMomentum:
     omega = Spline(grid, flight.omega)(times) if rate is None else rate[complete]
     h = rotate_back(q, omega @ _inertia(system, log).T + h_wheel[complete])
     fine = np.union1d(times, grid)
-    held = _rows_of(system, times, fine)
+    row_at = _rows_of(system, times, fine)
     b = flights.between(inputs, nodes, fine)["b_eci"]
     q_fine = Spline(grid, flight.q)(fine)
-    outer = coil_impulse(fine, b, q_fine, dipole[complete][held])
-    outer += flights.integral(rotate_back(q_fine, thrust[complete][held]), fine)
+    outer = coil_impulse(fine, b, q_fine, dipole[complete][row_at])
+    outer += flights.integral(rotate_back(q_fine, thrust[complete][row_at]), fine)
     y = h - outer[np.searchsorted(fine, times)]
     if "thrusters" in system.roles and "thrust" not in log.values:
         blocks = _Blocks(times, segments + _count_pulses(y))
@@ -99,7 +99,7 @@ def measure_momentum(system: System, log: Log) -> MeasuredMomentum:
         blocks.segments,
         blocks.mean(y),
         blocks.mean(h),
-        dipole[complete][held[np.searchsorted(fine, grid)]],
+        dipole[complete][row_at[np.searchsorted(fine, grid)]],
     )
 
 
