@@ -192,10 +192,11 @@ def _around(
     value = np.array(
         [component.parameters.get(s.name, s.start) for s in signals], float
     )
-    if np.ndim(spec.plus_minus or 0.0) and np.shape(spec.plus_minus) != value.shape:
+    widths = np.atleast_1d(spec.plus_minus or 0.0)
+    if len(widths) not in (1, len(value)):
         raise DesatError(
-            f"{system.place}: dispersions: {name}: plus_minus has "
-            f"{np.size(spec.plus_minus)} widths; {len(value)} are needed, or one for all"
+            f"{system.place}: dispersions: {name}: plus_minus has {len(widths)} widths; "
+            f"{len(value)} are needed, or one for all"
         )
     return change_value(spec, value, normal)
 

@@ -70,7 +70,8 @@ def write_fit(file: Path, fit: Fit, source: str) -> Path:
         table = data.setdefault("parameters", {}).setdefault("spacecraft", {})
         table[parameter.name] = value
         data.setdefault(SPREADS, {})[name] = {"plus_minus": widths}
-    if io.parsed(after, place) != data:
+    in_tables = data.get(SPREADS, {}).get("spacecraft", {})
+    if io.parsed(after, place) != data or fit.parameters.keys() & in_tables:
         raise DesatError(
             f"{place}: {VALUES} or {SPREADS} cannot be changed alone; it is as it was"
         )

@@ -52,7 +52,7 @@ FIELD_ERROR = 100e-9  # T: standard deviation of a model of the field, each axis
 ATTITUDE_ERROR = np.radians(0.1)  # rad: standard deviation of an attitude, each axis
 HARMONICS = 0.5, 1.0, 2.0  # of the orbit: courses of errors beside the constant
 ALONG = 0.97  # cosine between a direction and the line that it is called by
-UNEXPLAINED = 0.3  # share of the momentum that may be left without an explanation
+UNEXPLAINED = 0.1  # share of the momentum that may be left without an explanation
 BEYOND_NOISE = 10.0  # of what noise leaves, from which on a log is not explained
 OBSERVED = (
     0.9  # an element is observed if its deviation is below this share of its spread

@@ -34,6 +34,7 @@ _HEADING = re.compile(
     r"\s*((?:[\[\(][^\[\]\(\)]*[\]\)]\s*)*)"
 )
 _UNIT = re.compile(r"[\[\(]\s*([^\[\]\(\)]*?)\s*[\]\)]")
+LARGEST = 1e12  # a larger value is none that a craft sends
 TIMES = ("t", "time", "utc", "date", "timestamp", "epoch")
 
 
@@ -142,7 +143,7 @@ def _read_headings(file: Path, place: str) -> tuple[list[_Heading], int, str]:
     for k, text in enumerate(next(csv.reader([line], delimiter=comma))):
         match = _HEADING.fullmatch(text)
         owner, name, element, other, units = match.groups() if match else ("",) * 5
-        found_units = tuple(_UNIT.findall(units or ""))
+        found_units = tuple(filter(None, _UNIT.findall(units or "")))
         number = int(element or other or 0)
         headings.append(
             _Heading(owner or "", name or "", number, found_units, plain(text), k)
@@ -238,10 +239,12 @@ def _numbers(cells: Any, heading: _Heading, place: str) -> Array:
             f"{place}: column {heading.text}: {wrong!r} is no number"
         ) from None
     values = np.asarray(numbers.to_numpy(), float)
-    return np.where(np.isfinite(values), values, np.nan)
+    return np.where(np.abs(values) < LARGEST, values, np.nan)
 
 
-def _times_of(cells: Any, heading: _Heading, place: str, origin: datetime) -> Array:
+def _times_of(
+    cells: Any, heading: _Heading, place: str, origin: datetime | None
+) -> Array:
     """Return the times (rows,) s since the craft's t = 0, which increase.
 
     Raises DesatError where they are no times or go back.
@@ -249,7 +252,7 @@ def _times_of(cells: Any, heading: _Heading, place: str, origin: datetime) -> Ar
     at = f"{place}: column {heading.text}"
     first = cells[0].as_py()
     if first is not None and not is_float(first):
-        from pandas import to_datetime
+        from pandas import to_datetime  # type: ignore[import-untyped]
 
         if origin is None:
             raise DesatError(

@@ -165,6 +165,8 @@ def _wheel_momentum(system: System, log: Log) -> Array:
             f"{log.place}: columns of {name}: {values.shape[1]} wheels; {system.name} has "
             f"{exist.sum()}"
         )
+    if not np.nan_to_num(values - values[:1]).any():
+        raise DesatError(f"{log.place}: columns of {name}: no wheel's value changes")
     if name == "speed":
         values = values * np.broadcast_to(craft["inertia_wheel"], exist.shape)[exist]
     return np.asarray(values @ axes[:, exist].T)

@@ -53,8 +53,12 @@ def columns_of(
     seed: int,
     duration: float = 21600.0,
     errors: Errors = Errors(),
+    dumps: dict[int, float] | None = None,
 ) -> tuple[list[str], Any]:
-    """Return headings and rows of a log of a craft with true values."""
+    """Return headings and rows of a log of a craft with true values.
+
+    At the rows of `dumps` thrusters give so much (N m s, eci) about each axis.
+    """
     rng = np.random.default_rng(seed)
     system = system_of(craft, truth)
     times = np.arange(0.0, duration + STEP, STEP)
@@ -95,6 +99,7 @@ def columns_of(
             q = (q / np.linalg.norm(q))[None]
             total = total + STEP * cross(rotate_back(q, m[None]), b_eci[None])[0]
             total = total + flight.disturbance[k + 1] - flight.disturbance[k]
+            total = total + (dumps or {}).get(k, 0.0)
     rotor = system.components["spacecraft"].values["inertia_wheel"][0]
     rpm = np.array(momenta) / rotor * 30.0 / np.pi
     rpm = rpm + errors.tacho * rng.standard_normal(rpm.shape)
