@@ -79,7 +79,7 @@ class Fit:
     """Parameters of a craft that a log shows."""
 
     parameters: Mapping[str, ParameterFit]
-    unobserved: Sequence[str]  # directions, in words
+    unobservable: Sequence[str]  # directions, in words
     residual: float  # N m s, root mean square
     momentum: float  # N m s, root mean square of what is to be explained
     independent: float  # number of independent samples
@@ -131,7 +131,7 @@ def fit(
         )
     return Fit(
         parameters,
-        solution.unobserved,
+        solution.unobservable,
         solution.residual,
         problem.size,
         solution.independent,
@@ -150,7 +150,7 @@ class _Solution:
     """Solution of the least squares for some parameters."""
 
     parameters: Sequence[ParameterFit]
-    unobserved: Sequence[str]
+    unobservable: Sequence[str]
     residual: float  # N m s, root mean square
     noise: float  # N m s, root mean square of what the errors make
     independent: float  # number of independent samples
@@ -250,7 +250,7 @@ class _Problem:
         value = before + spread * ((solver @ rest) @ projector)
         squares = observed_axes**2 @ sizes + np.diag(unseen)
         parameters = []
-        unobserved: list[str] = []
+        unobservable: list[str] = []
         for i, name in enumerate(names):
             part = slice(3 * i, 3 * i + 3)
             parameter = ParameterFit(
@@ -263,14 +263,14 @@ class _Problem:
                 squares[part] < OBSERVED**2,
             )
             parameters.append(parameter)
-            unobserved += self._describe_unseen(parameter, unseen[part, part])
+            unobservable += self._describe_unseen(parameter, unseen[part, part])
         steps = np.diff(residual, axis=0)  # what is rough of it is noise
         noise = (
             sum(float(np.mean(x**2)) for x in errors) + float(np.mean(steps**2)) / 2.0
         )
         return _Solution(
             parameters,
-            unobserved,
+            unobservable,
             float(np.sqrt(np.mean(residual**2))),
             float(np.sqrt(noise)),
             independent,

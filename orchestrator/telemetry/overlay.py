@@ -18,14 +18,13 @@ from ..numbers.derived import pointing
 from ..numbers.numbers import scale
 from ..report.report import figures_of, render, write_page
 from ..report.table import ROW_UNIT, Column, Row, Table
-from ..runs.run import Run
 from ..system.errors import DesatError
 from ..system.typed import JsonObject
 from .log import CHANNELS, Log, align_signs
 
 Array = NDArray[np.float64]
 PAUSE = 600.0  # s: thrusters that were off for longer begin a new dump
-WANTED = ("guidance.q_wanted_bi", "guidance.q_ref_bi")
+REFERENCES = ("guidance.q_wanted_bi", "guidance.q_ref_bi")
 
 
 class ShownQuantity(NamedTuple):
@@ -53,17 +52,17 @@ class OverlaidLine:
     unit: str
     times: Array  # (n,) s
     log: Array  # (n,)
-    run: Array  # (n,)
+    simulation: Array  # (n,)
 
     @property
     def rms(self) -> float:
         """Return the root mean square of the difference."""
-        return float(np.sqrt(np.mean((self.log - self.run) ** 2)))
+        return float(np.sqrt(np.mean((self.log - self.simulation) ** 2)))
 
     @property
     def largest(self) -> float:
         """Return the largest difference."""
-        return float(np.abs(self.log - self.run).max())
+        return float(np.abs(self.log - self.simulation).max())
 
 
 @dataclass(frozen=True)
@@ -96,10 +95,10 @@ class Overlay:
     def dump_table(self) -> Table:
         """Tabulate when dumps begin (h); empty where thrusters are not in both."""
         columns = [Column("dump", form="d"), *(Column(x, "h") for x in ("log", "run"))]
-        log, run = ([x / 3600.0 for x in begins] for begins in self.dumps)
+        columns_of_times = [[x / 3600.0 for x in begins] for begins in self.dumps]
         rows: list[Row] = [
-            (k + 1, *(x[k] if k < len(x) else None for x in (log, run)))
-            for k in range(max(len(log), len(run)))
+            (k + 1, *(x[k] if k < len(x) else None for x in columns_of_times))
+            for k in range(max(map(len, columns_of_times)))
         ]
         return Table("", columns, rows)
 
@@ -127,7 +126,7 @@ class Overlay:
         return write_page(path, render("overlay.html", overlay=self, **page))
 
 
-def lay_over(target: str, run: Run, log: Log) -> Overlay:
+def lay_over(target: str, results: Results, log: Log) -> Overlay:
     """Lay a log over a run.
 
     Raises
@@ -135,7 +134,6 @@ def lay_over(target: str, run: Run, log: Log) -> Overlay:
     DesatError
         If they have no time or no quantity in common, or other wheels.
     """
-    results = run.results
     end = results.times()
     inside = (log.times >= end[0]) & (log.times <= end[-1])
     if not inside.any():
@@ -145,7 +143,7 @@ def lay_over(target: str, run: Run, log: Log) -> Overlay:
         )
     lines = {}
     for quantity, channel in SHOWN.items():
-        if quantity in log.values and (name := _recorded(channel.names, results)):
+        if quantity in log.values and (name := _find_series(channel.names, results)):
             values = log.values[quantity][inside]
             found_lines = list(
                 _lines_of(channel, quantity, name, results, log, values, inside)
@@ -159,7 +157,7 @@ def lay_over(target: str, run: Run, log: Log) -> Overlay:
     return Overlay(target, log.place, lines, _dumps(results, log, inside))
 
 
-def _recorded(names: Sequence[str], results: Results) -> str:
+def _find_series(names: Sequence[str], results: Results) -> str:
     """Return the first of these series that a run has; "" if it has none."""
     return next((n for n in names if n in results.names()), "")
 
@@ -208,7 +206,7 @@ def _attitude_error(
     results: Results, log: Log, inside: NDArray[np.bool_]
 ) -> OverlaidLine | None:
     """Return the angle to the attitude that the guidance wants; None where unknown."""
-    name = _recorded(WANTED, results)
+    name = _find_series(REFERENCES, results)
     q = log.values.get("attitude")
     if not name or q is None or "spacecraft.q_bi" not in results.names():
         return None
@@ -262,7 +260,13 @@ def _draw(title: str, lines: Sequence[OverlaidLine]) -> Figure:
         ax.plot(x, line.log, colour, label=f"{name} measured".strip(), width=1.4)
         label = f"{name} simulated".strip()
         ax.plot(
-            x, line.run, colour, label=label, width=1.0, dash=(4.0, 2.0), alpha=0.75
+            x,
+            line.simulation,
+            colour,
+            label=label,
+            width=1.0,
+            dash=(4.0, 2.0),
+            alpha=0.75,
         )
     ax.y.label = axis_label(title, lines[0].unit, ax.height / INCH)
     timeline(ax, seconds, unit)

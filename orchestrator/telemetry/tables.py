@@ -40,7 +40,7 @@ def tabulate_fit(fit: Fit) -> Table:
 
 def describe_fit(fit: Fit) -> Iterator[str]:
     """Yield what a fit could not see, its notes, and how well it explains the log."""
-    yield from (f"{text}; craft.toml stands" for text in fit.unobserved)
+    yield from (f"{text}; craft.toml stands" for text in fit.unobservable)
     yield from fit.notes
     yield (
         f"left: {fit.residual:.3g} of {fit.momentum:.3g} N m s rms, "
@@ -62,7 +62,7 @@ def fit_as_json(fit: Fit) -> JsonObject:
             }
             for x in fit.parameters.values()
         },
-        "not_observable": list(fit.unobserved),
+        "not_observable": list(fit.unobservable),
         "notes": list(fit.notes),
         "residual": fit.residual,
         "momentum": fit.momentum,

@@ -30,11 +30,11 @@ class Errors:
 
 
 def system_of(craft: Path, values: dict[str, Any] | None = None) -> System:
-    """Return a craft with some values of the spacecraft changed."""
-    changed = {
+    """Return a craft with some values of the spacecraft changes."""
+    changes = {
         f"spacecraft.{k}": list(map(float, x)) for k, x in (values or {}).items()
     }
-    return prepare(str(craft), Options(values=changed)).or_raise()[0]
+    return prepare(str(craft), Options(values=changes)).or_raise()[0]
 
 
 def slow_noise(rng: Any, times: Any, deviation: float, correlation: float) -> Any:
@@ -72,6 +72,23 @@ def columns_of(
     )
     attitude = flights.wanted_attitude(system)
     flight = flights.flown_at(system, attitude, inputs, times)
+    momenta, dipoles = _fly(system, flight, rng, dumps or {})
+    rotor = system.components["spacecraft"].values["inertia_wheel"][0]
+    rpm = momenta / rotor * 30.0 / np.pi
+    rpm = rpm + errors.tacho * rng.standard_normal(rpm.shape)
+    rpm = errors.resolution * np.round(rpm / errors.resolution)
+    q = _turn(flight.q, slow_noise(rng, times, errors.attitude, 1000.0))
+    names = ["time [s]"] + [f"speed_{i} [rpm]" for i in range(1, 5)]
+    names += [f"q_bi[{i}]" for i in range(1, 5)]
+    rows = [times[:, None], rpm, q]
+    if "torquers" in system.components:
+        names += [f"m_mean_body[{i}] [A.m2]" for i in range(1, 4)]
+        rows.append(dipoles)
+    return names, np.hstack(rows)
+
+
+def _fly(system: System, flight: Any, rng: Any, dumps: dict[int, float]) -> Any:
+    """Return the momenta (n, 4) N m s of wheels, and dipoles (n, 3) A m2 of coils."""
     hardware = flights.hardware_of(system)
     attitudes = align_signs(flight.q)
     turn = from_body(flight.q)  # columns: body axes in eci
@@ -83,7 +100,7 @@ def columns_of(
     coils = "torquers" in system.components
     momenta, dipoles = [], []
     gain, limit = 1e-3, hardware.m_limit
-    for k in range(len(times)):
+    for k in range(len(flight.times)):
         h = turn[k].T @ total - body[k]
         b = turn[k].T @ flight.b[k]
         m = np.zeros(3)
@@ -91,7 +108,7 @@ def columns_of(
             m = np.clip(gain * np.cross(h, b) / (b @ b), -limit, limit)
         momenta.append(spread @ h)
         dipoles.append(m)
-        if k + 1 < len(times):
+        if k + 1 < len(flight.times):
             q, b_eci = (
                 attitudes[k : k + 2].mean(axis=0),
                 flight.b[k : k + 2].mean(axis=0),
@@ -99,19 +116,8 @@ def columns_of(
             q = (q / np.linalg.norm(q))[None]
             total = total + STEP * cross(rotate_back(q, m[None]), b_eci[None])[0]
             total = total + flight.disturbance[k + 1] - flight.disturbance[k]
-            total = total + (dumps or {}).get(k, 0.0)
-    rotor = system.components["spacecraft"].values["inertia_wheel"][0]
-    rpm = np.array(momenta) / rotor * 30.0 / np.pi
-    rpm = rpm + errors.tacho * rng.standard_normal(rpm.shape)
-    rpm = errors.resolution * np.round(rpm / errors.resolution)
-    q = _turn(flight.q, slow_noise(rng, times, errors.attitude, 1000.0))
-    names = ["time [s]"] + [f"speed_{i} [rpm]" for i in range(1, 5)]
-    names += [f"q_bi[{i}]" for i in range(1, 5)]
-    rows = [times[:, None], rpm, q]
-    if coils:
-        names += [f"m_mean_body[{i}] [A.m2]" for i in range(1, 4)]
-        rows.append(np.array(dipoles))
-    return names, np.hstack(rows)
+            total = total + dumps.get(k, 0.0)
+    return np.array(momenta), np.array(dipoles)
 
 
 def write_log(file: Path, names: list[str], rows: Any) -> Path:

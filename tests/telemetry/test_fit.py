@@ -51,7 +51,7 @@ def test_dipole_and_offset_are_found(craft, tmp_path):
     along = (
         "offset of the centre of pressure along the direction of flight: not observable"
     )
-    assert along in result.unobserved
+    assert along in result.unobservable
 
 
 def test_deviations_say_what_the_errors_are(craft, tmp_path):
@@ -91,10 +91,10 @@ def test_the_csv_of_a_run_gives_its_own_values(craft, tmp_path, desat):
     """A log of the closed loop, whose sensors err, shows what the craft has."""
     out = tmp_path / "run"
     desat("run", str(craft), "--stop", "9000", "--csv", "--out", str(out), check=True)
-    done = desat(
+    command = desat(
         "fit", str(craft), str(out / "series.csv"), "--dry-run", "--json", check=True
     )
-    answer = json.loads(done.stdout)
+    answer = json.loads(command.stdout)
     assert answer["written"] is None
     x = answer["parameters"]["spacecraft.residual_dipole_body"]
     miss = np.abs(np.subtract(x["value"], x["before"])) / x["deviation"]
@@ -134,7 +134,7 @@ def test_light_across_the_sun_line(deep_craft, tmp_path):
     assert result.parameters[fit.OFFSET].is_observed.tolist() == [True, True, False]
     assert np.abs(misses(result, truth)).max() < 3.0
     line = "offset of the centre of pressure along the Sun line: not observable"
-    assert line in result.unobserved
+    assert line in result.unobservable
 
 
 def test_dumps_end_a_segment(deep_craft, tmp_path):
@@ -150,7 +150,7 @@ def test_dumps_end_a_segment(deep_craft, tmp_path):
 
 
 @pytest.fixture
-def own(craft, tmp_path):
+def own_craft(craft, tmp_path):
     """A copy of the craft."""
     folder = tmp_path / "own"
     folder.mkdir()
@@ -168,15 +168,15 @@ def width_of(folder):
 
 
 def test_a_fit_goes_into_the_craft_file_and_narrows_its_sizing(
-    craft, own, tmp_path, desat
+    craft, own_craft, tmp_path, desat
 ):
-    before = (own / "craft.toml").read_text()
-    wide = width_of(own)
+    before = (own_craft / "craft.toml").read_text()
+    wide = width_of(own_craft)
     file = write_log(tmp_path / "log.csv", *columns_of(craft, TRUTH, 3))
-    done = desat("fit", str(own), str(file), check=True)
-    assert "worst.toml has its own residual_dipole_body" in done.stderr
-    after = (own / "craft.toml").read_text()
-    assert (own / "craft.toml.bak").read_text() == before
+    command = desat("fit", str(own_craft), str(file), check=True)
+    assert "worst.toml has its own residual_dipole_body" in command.stderr
+    after = (own_craft / "craft.toml").read_text()
+    assert (own_craft / "craft.toml.bak").read_text() == before
     lines = [x for x in after.splitlines() if x not in before.splitlines()]
     assert len(lines) == 4
     assert [x for x in before.splitlines() if "#" in x and "body" not in x] == [
@@ -191,10 +191,10 @@ def test_a_fit_goes_into_the_craft_file_and_narrows_its_sizing(
     assert value[1:] == pytest.approx(offset.value[1:], rel=1e-4)
     assert width[0] == pytest.approx(NINETY * offset.spread[0], rel=1e-2)
     assert width[1:] == pytest.approx(NINETY * offset.deviation[1:], rel=1e-2)
-    assert width_of(own) < 0.5 * wide
-    assert prepare(str(own), Options()).or_raise()[0] is not None
-    desat("fit", str(own), str(file), check=True)
-    assert (own / "craft.toml").read_text().count("fit of log.csv") == 4
+    assert width_of(own_craft) < 0.5 * wide
+    assert prepare(str(own_craft), Options()).or_raise()[0] is not None
+    desat("fit", str(own_craft), str(file), check=True)
+    assert (own_craft / "craft.toml").read_text().count("fit of log.csv") == 4
 
 
 SOME = """[components]   # what it has

@@ -20,13 +20,13 @@ def table(craft):
     return columns_of(craft, {"residual_dipole_body": [0.02, -0.03, 0.01]}, 1, 7200.0)
 
 
-def renamed(names, before, after):
+def with_heading(names, before, after):
     """Return headings of which one is another."""
     assert before in names
     return [after if n == before else n for n in names]
 
 
-def changed(rows, at, value):
+def with_value(rows, at, value):
     """Return rows of which an element, or a column, is another."""
     rows = rows.copy()
     rows[at] = value
@@ -36,7 +36,7 @@ def changed(rows, at, value):
 TIME, SPEED, COIL = "time [s]", "speed_1 [rpm]", "m_mean_body[1] [A.m2]"
 REFUSALS = {
     "a quantity first": (
-        lambda n, r: (renamed(n, TIME, "x [m]"), r),
+        lambda n, r: (with_heading(n, TIME, "x [m]"), r),
         "no time column: ",
     ),
     "no heading": (
@@ -48,27 +48,27 @@ REFUSALS = {
         "no time column: the first, 'speed",
     ),
     "two units": (
-        lambda n, r: (renamed(n, SPEED, "speed_1 [rpm] [rad/s]"), r),
+        lambda n, r: (with_heading(n, SPEED, "speed_1 [rpm] [rad/s]"), r),
         "column speed_1 [rpm] [rad/s]: two units, rpm and rad/s",
     ),
     "two units of time": (
-        lambda n, r: (renamed(n, TIME, "time [s] (h)"), r),
+        lambda n, r: (with_heading(n, TIME, "time [s] (h)"), r),
         "column time [s] (h): two units",
     ),
     "no unit": (
-        lambda n, r: (renamed(n, SPEED, "speed_1"), r),
+        lambda n, r: (with_heading(n, SPEED, "speed_1"), r),
         "column speed_1: no unit",
     ),
     "an empty unit": (
-        lambda n, r: (renamed(n, SPEED, "speed_1 []"), r),
+        lambda n, r: (with_heading(n, SPEED, "speed_1 []"), r),
         "column speed_1 []: no unit",
     ),
     "coils without": (
-        lambda n, r: (renamed(n, COIL, "m_mean_body[1]"), r),
+        lambda n, r: (with_heading(n, COIL, "m_mean_body[1]"), r),
         "column m_mean_body[1]: no unit; one that fits A.m2",
     ),
     "another quantity": (
-        lambda n, r: (renamed(n, SPEED, "speed_1 [kg]"), r),
+        lambda n, r: (with_heading(n, SPEED, "speed_1 [kg]"), r),
         "column speed_1 [kg]: unit kg does not fit rad/s",
     ),
     "three wheels": (
@@ -84,33 +84,36 @@ REFUSALS = {
         "5 wheels; my6u has 4",
     ),
     "a wheel twice": (
-        lambda n, r: (renamed(n, "speed_2 [rpm]", SPEED), r),
+        lambda n, r: (with_heading(n, "speed_2 [rpm]", SPEED), r),
         "column speed_1 [rpm]: it is there twice",
     ),
-    "wheels at rest": (lambda n, r: (n, changed(r, np.s_[:, 1:5], 9.0)), "no wheel's"),
+    "wheels at rest": (
+        lambda n, r: (n, with_value(r, np.s_[:, 1:5], 9.0)),
+        "no wheel's",
+    ),
     "short": (lambda n, r: (n, r[:500]), "it lasts 4990 s, an orbit 56"),
     "two rows": (lambda n, r: (n, r[:2]), "it lasts 10 s, an orbit 56"),
     "one row": (lambda n, r: (n, r[:1]), "no wheel's value changes"),
     "no row": (lambda n, r: (n, r[:0]), "no row below the heading"),
     "the clock goes back": (
-        lambda n, r: (n, changed(r, (600, 0), 10.0)),
+        lambda n, r: (n, with_value(r, (600, 0), 10.0)),
         "column time [s]: the clock jumps back: row 601 is at 10 s, the row before at 5990",
     ),
     "the clock stands": (
-        lambda n, r: (n, changed(r, (600, 0), 5990.0)),
+        lambda n, r: (n, with_value(r, (600, 0), 5990.0)),
         "the clock jumps back: row 601",
     ),
-    "no clock": (lambda n, r: (n, changed(r, (7, 0), np.nan)), "row 8 has no time"),
+    "no clock": (lambda n, r: (n, with_value(r, (7, 0), np.nan)), "row 8 has no time"),
     "three of four": (
         lambda n, r: (n[:8] + n[9:], np.delete(r, 8, 1)),
         "the attitude has 3 columns",
     ),
     "an attitude of 0": (
-        lambda n, r: (n, changed(r, np.s_[3, 5:9], 0.0)),
+        lambda n, r: (n, with_value(r, np.s_[3, 5:9], 0.0)),
         "unknown attitude: the quaternion of row 4 has the size 0",
     ),
     "an attitude of 2": (
-        lambda n, r: (n, changed(r, np.s_[:, 5:9], 1.0)),
+        lambda n, r: (n, with_value(r, np.s_[:, 5:9], 1.0)),
         "unknown attitude: the quaternion of row 1 has the size 2",
     ),
     "no coils": (
@@ -118,11 +121,11 @@ REFUSALS = {
         "no column of the coils that my6u has",
     ),
     "another epoch": (
-        lambda n, r: (n, changed(r, np.s_[:, 0], r[:, 0] + 1.8e9)),
+        lambda n, r: (n, with_value(r, np.s_[:, 0], r[:, 0] + 1.8e9)),
         "which IGRF-14 covers",
     ),
     "another orbit": (
-        lambda n, r: (n, changed(r, np.s_[:, 0], r[:, 0] + 2900.0)),
+        lambda n, r: (n, with_value(r, np.s_[:, 0], r[:, 0] + 2900.0)),
         "do not explain its momentum",
     ),
 }
@@ -133,11 +136,11 @@ def test_a_wrong_log_is_refused_in_a_line(craft, table, case, tmp_path, desat):
     change, message = REFUSALS[case]
     file = write_log(tmp_path / "log.csv", *change(*table))
     before = (craft / "craft.toml").read_bytes()
-    done = desat("fit", str(craft), str(file))
-    assert done.returncode == 2, done.stdout
-    assert done.stderr.count("\n") == 1
-    assert "log.csv: " in done.stderr
-    assert message in done.stderr
+    command = desat("fit", str(craft), str(file))
+    assert command.returncode == 2, command.stdout
+    assert command.stderr.count("\n") == 1
+    assert "log.csv: " in command.stderr
+    assert message in command.stderr
     assert (craft / "craft.toml").read_bytes() == before
     assert not (craft / "craft.toml.bak").exists()
 
@@ -200,16 +203,16 @@ def test_an_attitude_that_nothing_says_is_refused(craft, table, tmp_path, desat)
     file = write_log(
         tmp_path / "log.csv", names[:5] + names[9:], np.delete(rows, range(5, 9), 1)
     )
-    done = desat("fit", str(copy), str(file))
-    assert done.returncode == 2
-    assert "unknown attitude: no column q_bi" in done.stderr
+    command = desat("fit", str(copy), str(file))
+    assert command.returncode == 2
+    assert "unknown attitude: no column q_bi" in command.stderr
 
 
 def test_dry_run_takes_any_craft_and_only_own_crafts_are_written(
     table, tmp_path, desat
 ):
     file = write_log(tmp_path / "log.csv", *table)
-    done = desat("fit", "nadir_day/day-dipole", str(file))
-    assert done.returncode == 2
-    assert "only the craft.toml of a craft of one's own is written" in done.stderr
+    command = desat("fit", "nadir_day/day-dipole", str(file))
+    assert command.returncode == 2
+    assert "only the craft.toml of a craft of one's own is written" in command.stderr
     assert not Path("craft.toml.bak").exists()

@@ -172,14 +172,14 @@ def _lay_over(
     target, file = targets
     with stages(not as_json) as tell:
         tell(target)
-        run = (
+        simulation = (
             load_run(Path(target))
             if is_run(target)
             else simulate(prepare(target, options))
         )
-    run.or_raise(target)
-    log = read_log(Path(file), origin_of(run.manifest.parameters))
-    overlay = lay_over(target, run, log)
+    manifest = simulation.or_raise(target).manifest
+    log = read_log(Path(file), origin_of(manifest.parameters))
+    overlay = lay_over(target, simulation.results, log)
     name = f"compare-{name_of(target)}-{Path(file).stem}.html"
     page = overlay.write(html or Path("runs") / name)
     if as_json:
