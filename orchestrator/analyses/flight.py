@@ -657,6 +657,18 @@ def flown_at(
     else:
         q = np.broadcast_to(np.array(attitude.q), (len(times), 4))
         omega = np.zeros((len(times), 3))
+    return flight_at(system, q, omega, inputs, times)
+
+
+def flight_at(
+    system: System, q: Array, omega: Array, inputs: dict[str, Array], times: Array
+) -> Flight:
+    """Build the flight of a craft at attitudes q (n, 4), wheels at rest.
+
+    The body turns with `omega` (n, 3) rad/s, body, and the environment has given
+    `inputs` at `times` (n,) s.
+    """
+    r, v = inputs["r_eci"], inputs["v_eci"]
     feeds = motion.feeds(system, "spacecraft") or {}
     loose = {
         k: np.broadcast_to(np.array(x, float), (len(times), len(x)))

@@ -12,6 +12,7 @@
     "spacecraft.drag_coefficient" = { factor = 2.2 }         # its value, times or divided by it (90 %)
     "spacecraft.residual_dipole_body" = { direction = 0.1, factor = 3.0 }    # the same of the size
     "spacecraft.offset_plates_body" = { plus_minus = 0.01 }  # each element: more or less (90 %)
+    "spacecraft.offset_plates_body" = { plus_minus = [0.01, 0.02, 0.01] }  # a width for each
 
 A factor is the same for all elements. Of a matrix of inertia each of its second moments
 has its own, so that a body can have the moments that are drawn. Of plates it is that of
@@ -182,7 +183,8 @@ def _around(
 ) -> Any:
     """Compute a value around that of the scenario from normal numbers (size,).
 
-    Raises DesatError if the scenario's value follows from others.
+    Raises DesatError if the scenario's value follows from others, or widths are not one
+    for each element.
     """
     owner, _, variable = name.partition(".")
     component = system.components[owner]
@@ -199,6 +201,12 @@ def _around(
         rows = value.reshape(-1, PLATE_COLUMNS).copy()
         rows[:, AREA] = change_value(spec, rows[:, AREA], normal)
         return rows.ravel().tolist()
+    widths = np.atleast_1d(spec.plus_minus or 0.0)
+    if len(widths) not in (1, len(value)):
+        raise DesatError(
+            f"{system.place}: dispersions: {name}: plus_minus has {len(widths)} widths; "
+            f"{len(value)} are needed, or one for all"
+        )
     return change_value(spec, value, normal)
 
 
@@ -210,7 +218,7 @@ def change_value(
     The normal numbers (n,) are of deviation 1.
     """
     if spec.plus_minus is not None:
-        return (value + spec.plus_minus / NINETY * normal).tolist()
+        return (value + np.array(spec.plus_minus) / NINETY * normal).tolist()
     width = math.log(spec.factor or 1.0) / NINETY
     if spec.direction is not None:
         size = spec.direction * math.exp(width * normal[-1])

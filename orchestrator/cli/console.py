@@ -72,7 +72,16 @@ EPILOG = "Exit codes: " + "; ".join(f"{e.value} {e.meaning}" for e in Exit) + ".
 # commands in the order of `desat --help`
 PANELS = {
     "Start": ("new", "size", "budget", "run", "list", "show", "help"),
-    "Study": ("compare", "faults", "tune", "sweep", "campaign", "bound", "tables"),
+    "Study": (
+        "compare",
+        "fit",
+        "faults",
+        "tune",
+        "sweep",
+        "campaign",
+        "bound",
+        "tables",
+    ),
     "Results": ("report", "export", "resume"),
     "Make": ("check", "build", "design", "pack"),
 }

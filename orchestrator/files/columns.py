@@ -94,7 +94,7 @@ def _of_heading(
                 "order"
             )
         positions[name] = k
-        factors[name] = _factor(match[2], units[name], f"{place}: {field.strip()}")
+        factors[name] = unit_factor(match[2], units[name], f"{place}: {field.strip()}")
     if missing := [n for n in units if n not in positions]:
         raise DesatError(
             f"{place}: no column {', '.join(missing)}; the columns are {columns_needed}, in any order"
@@ -102,8 +102,14 @@ def _of_heading(
     return [positions[n] for n in units], [factors[n] for n in units]
 
 
-def _factor(text: str | None, unit: str, place: str) -> float:
-    """Return the factor from the unit of a heading, if it has one, to another unit."""
+def unit_factor(text: str | None, unit: str, place: str) -> float:
+    """Return the factor from the unit of a heading, if it has one, to another unit.
+
+    Raises
+    ------
+    DesatError
+        If the unit is unknown or does not fit; the message begins with `place`.
+    """
     if not text:
         return 1.0
     dotted = ".".join(text.replace("*", " ").replace("·", " ").split())

@@ -368,7 +368,7 @@ def lines(source: str) -> dict[str, int]:
     numbers: dict[str, int] = {}
     table = ""
     for number, line in enumerate(source.splitlines(), 1):
-        if header := re.match(r"\s*\[([^\[\]]+)\]", line):
+        if header := re.match(r"\s*\[([^\[\],]+)\]\s*(?:#.*)?$", line):
             table = re.sub(r"[\s\"']", "", header[1])
             numbers.setdefault(table, number)
         elif key := re.match(r"\s*([\w.*\"'-]+)\s*=", line):

@@ -46,6 +46,12 @@ from .kinds import (
 from .paper import PaperRow
 
 _Positive = Annotated[FiniteFloat, Field(gt=0.0)]
+if TYPE_CHECKING:
+    _Widths = float | tuple[float, ...]
+else:
+    _Widths = either(
+        number=_Positive, list=Annotated[Many[_Positive], Field(min_length=1)]
+    )
 _Accuracy = Annotated[FiniteFloat, Field(gt=0.0, le=MOST_ACCURACY)]
 _Substeps = Annotated[
     Annotated[int, Field(ge=1, le=MOST_SUBSTEPS), Tag("<number>")]
@@ -199,8 +205,9 @@ class Dispersion(Written):
         "times or divided by at most this in 90 %: its value, with direction its size; of "
         "a matrix of inertia its second moments, of plates their areas"
     )
-    plus_minus: Annotated[Maybe[FiniteFloat], Field(gt=0.0)] = key(
-        "each element: its value and at most this more or less in 90 %"
+    plus_minus: Maybe[_Widths] = key(
+        "each element: its value and at most this more or less in 90 %; a list has a "
+        "width for each"
     )
 
     @property

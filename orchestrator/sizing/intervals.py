@@ -145,7 +145,7 @@ def draw(
     if not names or not flight.inputs:
         return None
     flight, count = _thin(flight, rows), count or DRAWS
-    bases = _Bases(system, flight, names)
+    bases = ImpulseBases(system, flight, names)
     specs = dispersions_of(system)
     values = {}
     for name in names:
@@ -177,7 +177,7 @@ def draw_followed(
     return draw(system, flight, hardware, ROWS_FOLLOWED, FOLLOWED)
 
 
-class _Bases:
+class ImpulseBases:
     """Impulses whose sums are those of all draws."""
 
     def __init__(self, system: System, flight: Flight, names: Sequence[str]) -> None:
@@ -185,13 +185,14 @@ class _Bases:
         component = system.components["spacecraft"]
         self._nominal = {name: _row_of(name, component.values[name]) for name in names}
         self._flight = flight
-        # the parameter and its element of each basis, and those in proportion
-        self._terms: list[tuple[str, int, tuple[str, ...]]] = []
+        # the parameter and its element of each basis ("" and -1: what no parameter
+        # changes), and those in proportion
+        self.terms: list[tuple[str, int, tuple[str, ...]]] = []
         rows: list[Array] = []
 
         def add(parameter: str, element: int, torque: Array) -> None:
             """Add a basis."""
-            self._terms.append((parameter, element, factors))
+            self.terms.append((parameter, element, factors))
             rows.append(integral(torque, flight.times))
 
         for source, impulse in flight.sources.items():
@@ -200,7 +201,7 @@ class _Bases:
             if PLATES in factors and component.choice(BY_PLATES[source]) != PLATES:
                 factors = tuple(x for x in factors if x != PLATES)
             if source == TABLE_TORQUE or parameter not in names:
-                self._terms.append(("", -1, factors))
+                self.terms.append(("", -1, factors))
                 rows.append(impulse)
                 continue
 
@@ -216,13 +217,13 @@ class _Bases:
             add("", -1, rest)
             for k in range(size):
                 add(parameter, k, at(np.eye(size)[k]) - rest)
-        self._rows = np.array(rows)  # (bases, rows, 3)
+        self.rows = np.array(rows)  # (bases, rows, 3)
 
     def coefficients(self, values: Mapping[str, Array]) -> Array:
         """Return the factors (draws, bases) of the bases; what is not given is nominal."""
         count = len(next(iter(values.values())))
         columns = []
-        for parameter, element, factors in self._terms:
+        for parameter, element, factors in self.terms:
             column = np.ones(count)
             if parameter:
                 nominal = np.tile(self._nominal[parameter], (count, 1))
@@ -237,13 +238,13 @@ class _Bases:
         """Return the secular torque (draws, 3) N m, eci, over whole orbits."""
         since, end = self._flight.times - self._flight.times[0], self._flight
         duration = end.orbits_duration
-        flat = self._rows.transpose(0, 2, 1).reshape(-1, len(since))
+        flat = self.rows.transpose(0, 2, 1).reshape(-1, len(since))
         last = np.array([np.interp(duration, since, x) for x in flat]).reshape(-1, 3)
         return self.coefficients(values) @ (last / duration)
 
     def impulses(self, values: Mapping[str, Array]) -> Array:
         """Return the impulses (draws, rows, 3) N m s, eci."""
-        return np.tensordot(self.coefficients(values), self._rows, axes=1)
+        return np.tensordot(self.coefficients(values), self.rows, axes=1)
 
 
 def _row_of(name: str, value: Any) -> Array:
@@ -254,7 +255,7 @@ def _row_of(name: str, value: Any) -> Array:
     return row
 
 
-def _log_variance(bases: _Bases, values: Mapping[str, Array]) -> float:
+def _log_variance(bases: ImpulseBases, values: Mapping[str, Array]) -> float:
     """Return the variance of the logarithm of the momentum a day."""
     size = np.linalg.norm(bases.secular(values), axis=1)
     return float(np.log(np.maximum(size, 1e-300)).var())

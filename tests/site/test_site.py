@@ -54,6 +54,7 @@ CPU = {
     "4-exchange": 6.0,
     "5-campaign": 14.0,
     "6-results": 5.0,
+    "8-from-telemetry-to-a-craft": 12.0,
     "coils": 4.0,
     "null-space": 2.0,
     "laws": 5.0,

@@ -34,6 +34,7 @@ ROOMS = (
     "campaign",
     "sizing",
     "studies",
+    "telemetry",
     "cli",
     "papers",
     "web",

@@ -37,7 +37,8 @@ def compare(
         typer.Argument(
             metavar="A B ...",
             autocompletion=o.complete_name,
-            help="Scenarios, which fly now, and run folders; or campaigns' folders.",
+            help="Scenarios, which fly now, and run folders; or campaigns' folders; or a "
+            "run and a log of telemetry (.csv).",
         ),
     ],
     count: Annotated[
@@ -96,7 +97,8 @@ def compare(
     All numbers stand in one table with their differences, the first less each other,
     and a page has the series overlaid. With -n, and of campaigns, the differences are
     paired sample by sample: median, interval, share of samples that are lower. With
-    --laws one craft flies law by law, and the laws are ranked.
+    --laws one craft flies law by law, and the laws are ranked. A log is laid over a run:
+    wheels, rates, attitude error and dumps, as measured and as simulated.
     """
     from ...campaign import pairs
     from ...studies import compare as study
@@ -113,6 +115,11 @@ def compare(
         time_limit=time_limit,
         fmus=fmus,
     )
+    if any(target.endswith(".csv") for target in targets):
+        reason = "a log is laid over a run as it is"
+        o.refuse(ctx, reason, "count", "seed", "laws", "law", "by")
+        _lay_over(targets, options, html, as_json)
+        return
     if count is None:
         o.refuse(ctx, "it goes with -n", "seed")
     if laws is not None or law:
@@ -149,6 +156,38 @@ def compare(
             comparison = study.side_by_side(targets, options, tell)
         page = html or Path("runs") / f"compare-{'-'.join(map(name_of, targets))}.html"
         _show(comparison, study.write(comparison, page), as_json)
+
+
+def _lay_over(
+    targets: Sequence[str], options: Any, html: Path | None, as_json: bool
+) -> None:
+    """Lay a log over a run or scenario and print their differences."""
+    from ...runs.run import load_run, prepare, simulate
+    from ...studies.compare import is_run
+    from ...telemetry.log import origin_of, read_log
+    from ...telemetry.overlay import lay_over
+
+    if len(targets) != 2 or targets[0].endswith(".csv"):
+        raise DesatError(f"{' '.join(targets)}: a run and a log after it are needed")
+    target, file = targets
+    with stages(not as_json) as tell:
+        tell(target)
+        simulation = (
+            load_run(Path(target))
+            if is_run(target)
+            else simulate(prepare(target, options))
+        )
+    manifest = simulation.or_raise(target).manifest
+    log = read_log(Path(file), origin_of(manifest.parameters))
+    overlay = lay_over(target, simulation.results, log)
+    name = f"compare-{name_of(target)}-{Path(file).stem}.html"
+    page = overlay.write(html or Path("runs") / name)
+    if as_json:
+        print_json({**overlay.as_json(), "page": str(page)})
+        return
+    print_table(overlay.table)
+    print_table(overlay.dump_table)
+    out.print(f"page: {page.resolve()}")
 
 
 def _compare_laws(

@@ -1,0 +1,1 @@
+"""Read telemetry, fit a craft to it, and lay it over a run."""
