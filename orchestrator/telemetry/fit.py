@@ -54,6 +54,7 @@ ATTITUDE_ERROR = np.radians(0.1)  # rad: standard deviation of an attitude, each
 HARMONICS = 0.5, 1.0, 2.0  # of the orbit: courses of errors beside the constant
 ALONG = 0.97  # cosine between a direction and the line that it is called by
 UNEXPLAINED = 0.1  # share of the momentum that may be left without an explanation
+MOST_UNEXPLAINED = 0.5  # the same, whatever the noise
 BEYOND_NOISE = 10.0  # of what noise leaves, from which on a log is not explained
 OBSERVED = 0.9  # share of its spread below which a deviation counts as observed
 SINGULAR = 1e-12  # share of the largest square from which on a direction is none
@@ -168,6 +169,7 @@ def _hides(solution: _Solution, alone: _Solution) -> bool:
 def _check_explained(log: Log, size: float, solution: _Solution) -> None:
     """Raise DesatError where torques do not explain a momentum of `size` (N m s)."""
     limit = max(UNEXPLAINED * size, BEYOND_NOISE * solution.noise)
+    limit = min(limit, MOST_UNEXPLAINED * size)
     if solution.residual <= limit:
         return
     raise DesatError(
