@@ -24,7 +24,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..analyses.flight import integral, torques
+from ..analyses.flight import integral, torques, values_of
+from ..analyses.motion import is_known_body
 from ..campaign.sampling import NINETY
 from ..language.content import dispersions_of
 from ..language.scenario import Dispersion
@@ -53,10 +54,9 @@ ATTITUDE_ERROR = np.radians(0.1)  # rad: standard deviation of an attitude, each
 HARMONICS = 0.5, 1.0, 2.0  # of the orbit: courses of errors beside the constant
 ALONG = 0.97  # cosine between a direction and the line that it is called by
 UNEXPLAINED = 0.1  # share of the momentum that may be left without an explanation
+MOST_UNEXPLAINED = 0.5  # the same, whatever the noise
 BEYOND_NOISE = 10.0  # of what noise leaves, from which on a log is not explained
-OBSERVED = (
-    0.9  # an element is observed if its deviation is below this share of its spread
-)
+OBSERVED = 0.9  # share of its spread below which a deviation counts as observed
 SINGULAR = 1e-12  # share of the largest square from which on a direction is none
 WORSE = 3.0  # factor on a deviation from which on a steady torque hides a parameter
 
@@ -109,8 +109,10 @@ def fit(
         If the log lacks what is needed (`measure_momentum`), its momentum is not
         explained by the craft's torques, or nothing is observed.
     """
-    spacecraft = system.components["spacecraft"]
-    names = [n for n in UNITS if n in spacecraft.values]
+    values = values_of(system)["spacecraft"]
+    names = [n for n in UNITS if n in values]
+    if not names or not is_known_body(system, "spacecraft"):
+        raise DesatError(f"{system.name}: spacecraft: a block of ours is needed")
     measured_momentum = measure_momentum(system, log)
     problem = _Problem(system, measured_momentum, names, errors)
     notes = []
@@ -167,6 +169,7 @@ def _hides(solution: _Solution, alone: _Solution) -> bool:
 def _check_explained(log: Log, size: float, solution: _Solution) -> None:
     """Raise DesatError where torques do not explain a momentum of `size` (N m s)."""
     limit = max(UNEXPLAINED * size, BEYOND_NOISE * solution.noise)
+    limit = min(limit, MOST_UNEXPLAINED * size)
     if solution.residual <= limit:
         return
     raise DesatError(
@@ -351,8 +354,8 @@ class _Problem:
                 *dict(zip("xyz", np.eye(3)[:, None], strict=True)).items(),
                 *lines.items(),
             ):
-                rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
-                if abs(rows.mean(axis=0) @ direction) > ALONG:
+                size = np.sqrt(np.mean(np.sum(rows**2, axis=1)))
+                if abs(rows.mean(axis=0) @ direction) > ALONG * size:
                     text = f"along {name}"
             yield f"{title} {text}: not observable"
 

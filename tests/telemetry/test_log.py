@@ -124,6 +124,15 @@ REFUSALS = {
         lambda n, r: (n, with_value(r, np.s_[:, 0], r[:, 0] + 1.8e9)),
         "which IGRF-14 covers",
     ),
+    "wheels of noise alone": (
+        lambda n, r: (
+            n,
+            with_value(
+                r, np.s_[:, 1:5], np.random.default_rng(1).normal(0, 3e3, (len(r), 4))
+            ),
+        ),
+        "do not explain its momentum",
+    ),
     "another orbit": (
         lambda n, r: (n, with_value(r, np.s_[:, 0], r[:, 0] + 2900.0)),
         "do not explain its momentum",
