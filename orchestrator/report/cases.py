@@ -18,8 +18,6 @@ from ..system.expression import Table as Parameters
 from ..system.typed import JsonObject
 from .table import ROW_UNIT, Cell, Column, Table
 
-CRAFT = "craft"  # key of the digest of a craft's parameters
-
 
 class Margin(NamedTuple):
     """What a craft uses of something in a case, beside what it is allowed."""
@@ -73,16 +71,15 @@ def tabulate_margins(margins: Sequence[Margin]) -> Table:
     return Table("Cases", columns, rows, is_scaled=True)
 
 
-def keep_cases(page: Path, sizing: JsonObject, parameters: Parameters) -> None:
-    """Keep a sizing (as `--json` prints it) beside its page."""
+def keep_cases(page: Path, sizing: JsonObject) -> None:
+    """Keep a sizing, as `--json` prints it, beside its page."""
     page.parent.mkdir(parents=True, exist_ok=True)
-    text = json.dumps({CRAFT: _digest(parameters), **sizing}, indent=1)
-    replace_text(page.with_suffix(".json"), text)
+    replace_text(page.with_suffix(".json"), json.dumps(sizing, indent=1))
 
 
 def find_cases(folder: Path, crafts: Iterable[Parameters]) -> list[CraftCases]:
     """Return the cases of those crafts that a sizing in a folder is of, each once."""
-    digests = dict.fromkeys(_digest(parameters) for parameters in crafts)
+    digests = dict.fromkeys(craft_digest(parameters) for parameters in crafts)
     by_craft = {}
     for file in sorted(folder.glob("size-*.json")):
         try:
@@ -94,13 +91,13 @@ def find_cases(folder: Path, crafts: Iterable[Parameters]) -> list[CraftCases]:
             cases = CraftCases(
                 sizing["answer"], not sizing["problems"], tabulate_margins(margins)
             )
-            by_craft[sizing[CRAFT]] = cases
+            by_craft[sizing["craft"]] = cases
         except (OSError, ValueError, KeyError, TypeError):
             continue  # a file of another name, or of another version
     return [by_craft[digest] for digest in digests if digest in by_craft]
 
 
-def _digest(parameters: Parameters) -> str:
+def craft_digest(parameters: Parameters) -> str:
     """Return the digest of the values of a craft's parameters."""
     values = {
         component: {name: p.value for name, p in table.items()}

@@ -57,7 +57,7 @@ from ..campaign.sampling import draw_one
 from ..language.content import content_of, dispersions_of
 from ..numbers.derived import rotate, rotate_back
 from ..numbers.text import format_duration, format_momenta
-from ..report.cases import Margin, tabulate_margins
+from ..report.cases import Margin, craft_digest, tabulate_margins
 from ..runs.case import Case
 from ..runs.prepare import prepare, read, resolved
 from ..runs.run import Run, simulate
@@ -219,6 +219,7 @@ class DumpSizing:
     """Requirements of a craft that dumps by thrusters, beside its hardware."""
 
     target: str
+    craft: str  # digest of its parameters
     period: float
     attitude: str
     secular: tuple[float, ...]  # N m, eci
@@ -429,6 +430,7 @@ def size(
     slew_momentum, slew_torque = compute_slew(hardware, requirements)
     sizing = DumpSizing(
         target=target,
+        craft=craft_digest(system.parameters),
         period=flight.period,
         attitude=attitude.kind,
         secular=tuple(torque.tolist()),

@@ -64,6 +64,7 @@ class Sizing:
     """
 
     target: str
+    craft: str  # digest of its parameters
     orbits: int
     period: float
     attitude: str  # nadir, inertial or moving

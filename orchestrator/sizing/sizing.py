@@ -39,6 +39,7 @@ from ..analyses.flight import (
 )
 from ..files.scenario import Scenario
 from ..language.content import content_of
+from ..report.cases import craft_digest
 from ..runs.prepare import prepare, read, resolved
 from ..system.errors import DesatError
 from ..system.model import System
@@ -191,6 +192,7 @@ def size(
     rod = hardware.m_limit
     sizing = Sizing(
         target=target,
+        craft=craft_digest(system.parameters),
         orbits=round(flight.orbits_duration / flight.period),
         period=flight.period,
         attitude=attitude.kind,

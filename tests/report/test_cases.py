@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from desat.report.cases import find_cases, keep_cases
+from desat.report.cases import craft_digest, find_cases, keep_cases
 from desat.system.model import Parameter
 
 SIZING = {
@@ -22,7 +22,8 @@ def craft(value):
 
 @pytest.fixture
 def folder(tmp_path):
-    keep_cases(tmp_path / "runs" / "size-mine.html", SIZING, craft((1.0, 2.0)))
+    sizing = SIZING | {"craft": craft_digest(craft((1.0, 2.0)))}
+    keep_cases(tmp_path / "runs" / "size-mine.html", sizing)
     return tmp_path / "runs"
 
 

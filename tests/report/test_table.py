@@ -119,6 +119,7 @@ def sizing() -> Sizing:
     """A sizing whose numbers are all different."""
     return Sizing(
         target="mine",
+        craft="",
         orbits=15,
         period=5700.0,
         attitude="nadir",
@@ -315,6 +316,7 @@ def test_the_page_of_a_sizing_has_the_same_cells(tmp_path):
 
 DUMPS = dumps.DumpSizing(
     target="geo",
+    craft="",
     period=86164.0,
     attitude="nadir",
     secular=(7.6e-5, 0.0, 0.0),

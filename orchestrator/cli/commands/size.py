@@ -118,7 +118,6 @@ def size(
     Ends with 1 where the craft cannot hold.
     """
     from ...report.cases import keep_cases
-    from ...runs.prepare import resolved
     from ...sizing import dumps, sizing
     from ...sizing import map as sizing_map
     from ...sizing import page as sizing_page
@@ -209,9 +208,7 @@ def size(
                 rods_sizing.problems,
             )
     if to_page is not None and craft_sizing is not None:
-        keep_cases(
-            to_page, craft_sizing.as_json(), resolved(target, options)[0].parameters
-        )
+        keep_cases(to_page, craft_sizing.as_json())
     result(to_page, as_json)
 
 
