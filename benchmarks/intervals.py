@@ -118,11 +118,14 @@ def compare(
         columns = [("fullest wheel, mN m s", 1e3), ("duty of the coils, %", 1.0)]
     for (title, factor), row, values in zip(columns, by_model, each.T, strict=False):
         ends = np.percentile(values, (intervals.LOW, intervals.HIGH), method="nearest")
-        width = ends[1] - ends[0]
-        errs = max(abs(row.low - ends[0]), abs(row.high - ends[1])) / width
+        pairs = [(x, y) for x, y in zip(row[3:], ends, strict=True) if math.isfinite(y)]
+        share = max(abs(x - y) for x, y in pairs) / (row.high - row.low)
+        high = (
+            "more than were flown" if math.isinf(ends[1]) else f"{factor * ends[1]:.3g}"
+        )
         yield (
             f"| {kind} | {title} | {factor * row.low:.3g} to {factor * row.high:.3g} | "
-            f"{factor * ends[0]:.3g} to {factor * ends[1]:.3g} | {100.0 * errs:.0f} |"
+            f"{factor * ends[0]:.3g} to {high} | {100.0 * share:.0f} |"
         )
 
 
