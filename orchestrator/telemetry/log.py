@@ -85,7 +85,8 @@ def read_log(file: Path, origin: datetime | None, is_scalar_first: bool = False)
     file
         The csv file.
     origin
-        UTC of the craft's t = 0; None: it has none, and times are in seconds.
+        UTC of the craft's t = 0; None: it has none, and times are in seconds unless
+        there are dates alone.
     is_scalar_first
         Whether the scalar is the first element of the quaternions in the file. Those
         that are returned have it last.
@@ -101,6 +102,8 @@ def read_log(file: Path, origin: datetime | None, is_scalar_first: bool = False)
     names = [str(k) for k in range(len(headings))]
     used = [headings[0], *(h for rows in columns.values() for h in rows)]
     table = _read_cells(file, place, names, used, skip, comma)
+    if origin is None and not columns:  # dates alone: what is between them counts
+        origin = J2000
     times = _times_of(table[0], headings[0], place, origin)
     values = {}
     for quantity, rows in columns.items():

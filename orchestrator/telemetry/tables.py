@@ -42,6 +42,8 @@ def describe_fit(fit: Fit) -> Iterator[str]:
     """Yield what a fit could not see, its notes, and how well it explains the log."""
     yield from (f"{text}; craft.toml stands" for text in fit.unobservable)
     yield from fit.notes
+    if fit.momentum == 0.0:  # dates of dumps alone
+        return
     yield (
         f"left: {fit.residual:.3g} of {fit.momentum:.3g} N m s rms, "
         f"{fit.independent:.0f} independent samples; deviations are 1 sigma"

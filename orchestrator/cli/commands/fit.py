@@ -23,7 +23,8 @@ def fit(
         typer.Argument(
             metavar="LOG.csv",
             help="Columns by name with their unit: time [s] or utc first, speed_1 [rpm] or "
-            "h_1 [N.m.s], q_bi[1] to q_bi[4], m_coil[1] [A.m2]; the csv of `desat run --csv`.",
+            "h_1 [N.m.s], q_bi[1] to q_bi[4], m_coil[1] [A.m2]; the csv of `desat run --csv`; or "
+            "dates of dumps alone, utc.",
         ),
     ],
     dry_run: Annotated[
@@ -55,7 +56,9 @@ def fit(
     """
     from ...files.paths import shown
     from ...runs.prepare import prepare
+    from ...sizing.dumps import applies
     from ...telemetry import craft_file
+    from ...telemetry.dates import fit_dates
     from ...telemetry.fit import fit as fit_log
     from ...telemetry.log import origin_of, read_log
     from ...telemetry.tables import describe_fit, fit_as_json, tabulate_fit
@@ -64,7 +67,10 @@ def fit(
     options = o.options_of(sets, None, None, "gauss_seidel", False)
     system, _ = prepare(target, options).or_raise()
     rows = read_log(log, origin_of(system.parameters), scalar_first)
-    result = fit_log(system, rows, (field_error, attitude_error))
+    if not rows.values and applies(system):
+        result = fit_dates(system, target, rows, options)
+    else:
+        result = fit_log(system, rows, (field_error, attitude_error))
     backup = None
     if file is not None:
         backup = craft_file.write_fit(file, result, log.name)

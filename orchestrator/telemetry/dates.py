@@ -1,0 +1,93 @@
+"""Fit the centre of pressure of a craft to the dates of its dumps alone.
+
+Sunlight and air act in proportion to the offset of the centre of pressure, so that dumps
+come the quicker the larger it is. The dates say one number: the size of the offset with
+which `desat size` has dumps as often as they were. Its direction stays.
+"""
+
+from __future__ import annotations
+
+from math import inf
+
+import numpy as np
+
+from ..sizing.dumps import size
+from ..sizing.requirements import SizingRequirements
+from ..system.errors import DesatError
+from ..system.model import System
+from ..system.options import Options
+from .fit import OFFSET, UNITS, Fit, ParameterFit
+from .log import Log
+
+MODEL_ERROR = 0.05  # of the time between dumps, by docs/sizing-thrusters.md
+LARGEST_FACTOR = 50.0  # on the offset, either way
+TRIES, CLOSE = 12, 1e-3
+FEWEST = 3  # dates
+
+
+def fit_dates(system: System, target: str, log: Log, options: Options) -> Fit:
+    """Fit the size of the offset of the centre of pressure to dates of dumps.
+
+    Parameters
+    ----------
+    system, target, options
+        The craft, which dumps by thrusters, and how it is read.
+    log
+        A row for each dump.
+
+    Raises
+    ------
+    DesatError
+        If there are too few dates, or no offset has dumps as often.
+    """
+    gaps = np.diff(log.times)
+    if len(log.times) < FEWEST:
+        raise DesatError(
+            f"{log.place}: {len(log.times)} dates of dumps; at least {FEWEST} are needed"
+        )
+    flown = float(gaps.mean())
+    before = np.array(system.components["spacecraft"].values[OFFSET], float)
+    requirements = SizingRequirements(flown=False, year=False, laws=False)
+
+    def interval(factor: float) -> float:
+        """Return the time between dumps (s) with the offset times a factor."""
+        values = {**options.values, f"spacecraft.{OFFSET}": (factor * before).tolist()}
+        changed = Options(sets=options.sets, values=values)
+        return size(target, changed, requirements).steady.interval
+
+    factor = 1.0
+    for _ in range(TRIES):
+        there = interval(factor)
+        if abs(there / flown - 1.0) < CLOSE:
+            break
+        factor *= there / flown if there < inf else 2.0
+        if not 1.0 / LARGEST_FACTOR < factor < LARGEST_FACTOR or not before.any():
+            break
+    if abs(there / flown - 1.0) > MODEL_ERROR:
+        raise DesatError(
+            f"{log.place}: a dump each {flown / 86400.0:.4g} d: no offset of the centre of "
+            f"pressure explains it; as it is described a dump comes each "
+            f"{interval(1.0) / 86400.0:.4g} d"
+        )
+    scatter = float(gaps.std(ddof=1)) / flown / np.sqrt(len(gaps))
+    value = factor * before
+    parameter = ParameterFit(
+        OFFSET,
+        UNITS[OFFSET],
+        before,
+        np.abs(before),
+        value,
+        np.hypot(scatter, MODEL_ERROR) * np.abs(value),
+        value != 0.0,
+    )
+    return Fit(
+        {OFFSET: parameter},
+        ["direction of the offset: not observable"],
+        0.0,
+        0.0,
+        float(len(gaps)),
+        [
+            f"{len(gaps)} intervals between dumps, {flown / 86400.0:.4g} d in the mean",
+            "areas and reflection are in it: their line in [dispersions] may go",
+        ],
+    )
