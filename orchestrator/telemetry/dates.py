@@ -45,31 +45,31 @@ def fit_dates(system: System, target: str, log: Log, options: Options) -> Fit:
         raise DesatError(
             f"{log.place}: {len(log.times)} dates of dumps; at least {FEWEST} are needed"
         )
-    flown = float(gaps.mean())
+    mean_gap = float(gaps.mean())
     before = np.array(system.components["spacecraft"].values[OFFSET], float)
     requirements = SizingRequirements(flown=False, year=False, laws=False)
 
     def interval(factor: float) -> float:
         """Return the time between dumps (s) with the offset times a factor."""
         values = {**options.values, f"spacecraft.{OFFSET}": (factor * before).tolist()}
-        changed = Options(sets=options.sets, values=values)
-        return size(target, changed, requirements).steady.interval
+        other = Options(sets=options.sets, values=values)
+        return size(target, other, requirements).steady.interval
 
     factor = 1.0
     for _ in range(TRIES):
         there = interval(factor)
-        if abs(there / flown - 1.0) < CLOSE:
+        if abs(there / mean_gap - 1.0) < CLOSE:
             break
-        factor *= there / flown if there < inf else 2.0
+        factor *= there / mean_gap if there < inf else 2.0
         if not 1.0 / LARGEST_FACTOR < factor < LARGEST_FACTOR or not before.any():
             break
-    if abs(there / flown - 1.0) > MODEL_ERROR:
+    if abs(there / mean_gap - 1.0) > MODEL_ERROR:
         raise DesatError(
-            f"{log.place}: a dump each {flown / 86400.0:.4g} d: no offset of the centre of "
+            f"{log.place}: a dump each {mean_gap / 86400.0:.4g} d: no offset of the centre of "
             f"pressure explains it; as it is described a dump comes each "
             f"{interval(1.0) / 86400.0:.4g} d"
         )
-    scatter = float(gaps.std(ddof=1)) / flown / np.sqrt(len(gaps))
+    scatter = float(gaps.std(ddof=1)) / mean_gap / np.sqrt(len(gaps))
     value = factor * before
     parameter = ParameterFit(
         OFFSET,
@@ -87,7 +87,7 @@ def fit_dates(system: System, target: str, log: Log, options: Options) -> Fit:
         0.0,
         float(len(gaps)),
         [
-            f"{len(gaps)} intervals between dumps, {flown / 86400.0:.4g} d in the mean",
+            f"{len(gaps)} intervals between dumps, {mean_gap / 86400.0:.4g} d in the mean",
             "areas and reflection are in it: their line in [dispersions] may go",
         ],
     )
