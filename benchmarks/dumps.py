@@ -224,7 +224,7 @@ def sized(options: Sequence[str]) -> tuple[dict[str, Any], float]:
 def compare(message: dict[str, Any]) -> dict[str, tuple[float, float]]:
     """Name -> size and closed loop."""
     if "steady" in message:
-        loop, steady = message["loop"], message["steady"]
+        loop, steady = message["loop"], message["within"] or message["steady"]
         if not loop.get("dumps_a_week"):
             return {}
         return {

@@ -166,6 +166,11 @@ class DumpRates:
     least_a_week: float = 0.0
     most_a_week: float = 0.0
 
+    def as_json(self) -> JsonObject:
+        """Return the data for programs; infinite ones are null."""
+        rates = {"a_week": self.a_week, "a_year": self.a_year}
+        return {k: finite(x) for k, x in (asdict(self) | rates).items()}
+
     @property
     def a_week(self) -> float:
         """Return the number of dumps a week."""
@@ -253,6 +258,8 @@ class DumpSizing:
     # through the dumps of the scenario's time; None: they are too many, or too late
     course: DumpCourse | None = None
     margins: tuple[Margin, ...] = ()  # worst first
+    # in the time that the closed loop flies, in which the torque may be another
+    within: DumpRates | None = None
     change: str = ""  # the smallest one with which it would hold, as a sentence
     intervals: tuple[Interval, ...] = ()  # over what is not known for sure
     assumptions: tuple[
@@ -275,10 +282,6 @@ class DumpSizing:
 
     def as_json(self) -> JsonObject:
         """Return the data that `--json` prints; infinite or unknown values are null."""
-        steady = asdict(self.steady) | {
-            "a_week": self.steady.a_week,
-            "a_year": self.steady.a_year,
-        }
         bare = replace(self, course=None)
         document = {k: finite(x) for k, x in asdict(bare).items() if k != "course"}
         document["margins"] = margins_as_json(self.margins)
@@ -286,7 +289,8 @@ class DumpSizing:
         if self.rods is not None:
             document["rods"] = self.rods._asdict() | {"suffice": self.rods.suffice}
         return document | {
-            "steady": finite(steady),
+            "steady": self.steady.as_json(),
+            "within": None if self.within is None else self.within.as_json(),
             "years": finite(self.years),
             "answer": self.answer,
         }
@@ -472,11 +476,42 @@ def size(
     if not (requirements.flown and (steady.first < window or options.stop is not None)):
         return sizing
     sized(sizing)
-    causes = list(_causes(system, law, hardware))
     flights = _lengths_of_flights(system, options, window, steady, whole_run)
+    causes = list(_causes(system, law, hardware))
     loop, unmet = _fly_loops(target, options, flights, causes, progress)
-    sizing = _judge(system, replace(sizing, loop=loop), unmet, requirements)
+    within = _rates_within(whole_run, flights[0], hardware, law, cost, isp)
+    sizing = _judge(
+        system, replace(sizing, loop=loop, within=within or steady), unmet, requirements
+    )
     return replace(sizing, notes=(*notes, *_notes(sizing, requirements)))
+
+
+def _rates_within(
+    flight: Flight | None,
+    span: float,
+    hardware: Hardware,
+    law: ThresholdLaw,
+    cost: Callable[[Array], float],
+    isp: float,
+) -> DumpRates | None:
+    """Compute the rates of the dumps of a flight in its first `span` (s).
+
+    None where there are fewer than two.
+    """
+    if flight is None:
+        return None
+    dumps = [
+        x
+        for x in _course(flight, hardware, law, 1.0, 0, False, 10 * MANY)
+        if x[0] <= span
+    ]
+    if len(dumps) < 2:
+        return None
+    between = (dumps[-1][0] - dumps[0][0]) / (len(dumps) - 1)
+    momentum = float(np.mean([np.linalg.norm(u) for _, u, _ in dumps]))
+    impulse = float(np.mean([cost(u) for _, u, _ in dumps]))
+    propellant = impulse / (isp * GRAVITY)
+    return DumpRates(dumps[0][0], between, momentum, impulse, propellant)
 
 
 def _judge(

@@ -23,6 +23,9 @@ QUANTITIES = (
 )  #: Columns of a table of quantities: name, value, unit.
 UNEXPLAINED = "of no source"
 
+# Relative change of the time between dumps from which on the flown time has rows.
+DRIFT = 0.02
+
 
 def tabulate_quantities(sizing: Sizing) -> Table:
     """Tabulate the quantities that drive a sizing and those that follow from them."""
@@ -258,6 +261,13 @@ def tabulate_dumps(sizing: DumpSizing) -> Table:
             "kg",
         ),
     ]
+    within = sizing.within
+    if within is not None and abs(within.interval / steady.interval - 1.0) > DRIFT:
+        weekly, yearly = loop.get("dumps_a_week"), loop.get("propellant_a_year")
+        rows += [
+            ("dumps a week in the time that is flown", within.a_week, weekly, ""),
+            ("propellant a year by that time", within.a_year, yearly, "kg"),
+        ]
     for name, mass in sizing.by_activity.items():
         rows.append((f"the same with {name} solar activity", mass, None, "kg"))
     rows += [
