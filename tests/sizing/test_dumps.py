@@ -49,6 +49,7 @@ FLAT = Options(
         "spacecraft.radiation=area",
         "spacecraft.area_radiation=13",
         "spacecraft.centre_radiation_body=0,-1.35,0",
+        "thrusters.arm=1.5",
     ]
 )
 LOW = CraftFacts(

@@ -867,7 +867,7 @@ def test_a_craft_whose_rods_do_not_hold_on_the_worst_day(tmp_path):
         for line in reference_sizing.problems
     )
     assert (
-        f"Rods of {reference_sizing.recommended:.3g} A m2 do."
+        f"Rods of {reference_sizing.recommended:.3g} A m2 would do."
         in reference_sizing.answer
     )
     text = reference_sizing.as_json()
