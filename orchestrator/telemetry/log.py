@@ -75,6 +75,7 @@ class Log:
     times: Array  # (n,) s since the craft's t = 0
     # quantity of CHANNELS -> (n, elements) in SI; nan where none was sent
     values: Mapping[str, Array]
+    is_of_dates: bool = False  # there is no column but the time
 
 
 def read_log(file: Path, origin: datetime | None, is_scalar_first: bool = False) -> Log:
@@ -102,7 +103,8 @@ def read_log(file: Path, origin: datetime | None, is_scalar_first: bool = False)
     names = [str(k) for k in range(len(headings))]
     used = [headings[0], *(h for rows in columns.values() for h in rows)]
     table = _read_cells(file, place, names, used, skip, comma)
-    if origin is None and not columns:  # dates alone: what is between them counts
+    is_of_dates = len(headings) == 1
+    if origin is None and is_of_dates:  # what is between them counts
         origin = J2000
     times = _times_of(table[0], headings[0], place, origin)
     values = {}
@@ -120,7 +122,7 @@ def read_log(file: Path, origin: datetime | None, is_scalar_first: bool = False)
         values["attitude"] = _unit_quaternions(
             values["attitude"], is_scalar_first, place
         )
-    return Log(place, times, values)
+    return Log(place, times, values, is_of_dates)
 
 
 def origin_of(parameters: Mapping[str, Mapping[str, Any]]) -> datetime | None:

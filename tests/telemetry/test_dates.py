@@ -59,6 +59,13 @@ def test_the_size_of_an_offset_is_found(craft, tmp_path):
     assert ratio == pytest.approx(FACTOR, rel=0.05)
 
 
+def test_a_log_of_other_columns_is_none_of_dates(tmp_path):
+    file = tmp_path / "log.csv"
+    file.write_text("time [s],wheelspeed_1 [rpm]\n0,1\n60,2\n120,3\n")
+    assert not read_log(file, None).is_of_dates
+    assert log_of(tmp_path, [0.0, 1.0]).is_of_dates
+
+
 @pytest.mark.parametrize(
     ("times", "text"),
     [

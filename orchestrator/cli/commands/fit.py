@@ -67,7 +67,7 @@ def fit(
     options = o.options_of(sets, None, None, "gauss_seidel", False)
     system, _ = prepare(target, options).or_raise()
     rows = read_log(log, origin_of(system.parameters), scalar_first)
-    if not rows.values and applies(system):
+    if rows.is_of_dates and applies(system):
         result = fit_dates(system, target, rows, options)
     else:
         result = fit_log(system, rows, (field_error, attitude_error))
