@@ -249,7 +249,8 @@ def _page(
         if "cannot" in entry
     ]
     lines = [
-        f"- {entry['title']}: `{entry['line']}`. {entry['source']}. "
+        f"- {entry['title']}: `{entry['line']}`. {entry['source']} "
+        f"({entry.get('evidence', 'text')}). "
         f"Assumed: {entry['assumed']}."
         for entry in table.values()
         if "line" in entry

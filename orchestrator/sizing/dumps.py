@@ -70,8 +70,8 @@ from ..system.typed import JsonObject
 from .changes import would_do
 from .compatibility import terms_of
 from .intervals import (
+    MOST_DRAWS,
     SEED,
-    SHARE,
     AssumptionShare,
     Interval,
     describe_interval,
@@ -123,7 +123,6 @@ LOOP = {
 }
 # Cases: those that are no problem of the model.
 SLEW_CASE, LOOP_CASE = "slew at that time", "closed loop"
-ASSUMED = f"{100.0 * SHARE:g} % of what is assumed"
 LONGEST = 20.0 * YEAR  # s: maximum time to the first dumps
 PARTS = 5  # days of a scenario that are examined
 # Spacing of rows in deep space (s), and maximum number of rows of a flight through all
@@ -598,7 +597,7 @@ def _margins(system: System, sizing: DumpSizing) -> list[Margin]:
     if (a_year := limits.get("propellant_a_year")) is not None:
         cases = {"the dates of a year, mean": sizing.a_year}
         if sizing.intervals:
-            cases[ASSUMED] = sizing.intervals[2].high
+            cases[MOST_DRAWS] = sizing.intervals[2].high
         for case, used in cases.items():
             rows.append(Margin(case, "propellant", used, a_year, "kg"))
     pointing = sizing.loop.get("pointing_largest")
@@ -1323,7 +1322,7 @@ def _stays(flight: Flight, law: ThresholdLaw, sizes: Array) -> bool:
 def _problems(sizing: DumpSizing, margins: Sequence[Margin]) -> Iterator[str]:
     """Yield a line for each reason why dumps cannot work."""
     for m in margins:
-        if m.margin >= 0.0 or m.case.startswith(ASSUMED) or m.case == LOOP_CASE:
+        if m.margin >= 0.0 or m.case.startswith(MOST_DRAWS) or m.case == LOOP_CASE:
             continue
         if m.of == "propellant":
             yield f"a year takes {m.used:.4g} kg of {m.limit:.4g} kg allowed: {m.case}"

@@ -45,6 +45,7 @@ ROWS = 720  # most rows of the impulses
 LOW, HIGH = 5.0, 95.0  # %, ends of an interval
 WIDTH = 1.01  # ends of an interval over each other, from which on it has a width
 SHARE = 0.95  # of the draws for which recommended rods hold
+MOST_DRAWS = f"{100.0 * SHARE:g} % of what is assumed"  # as cases name that share
 # Of each source the parameter that it is affine in, and those that it is in proportion to.
 AFFINE = {
     "gravity gradient": "inertia",

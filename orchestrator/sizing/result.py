@@ -12,7 +12,7 @@ from ..numbers.text import format_duration, format_momenta
 from ..report.cases import Margin, tabulate_margins
 from ..system.typed import JsonObject
 from .intervals import (
-    SHARE,
+    MOST_DRAWS,
     AssumptionShare,
     Interval,
     describe_interval,
@@ -44,7 +44,7 @@ WORST_DAY = "the worst day of the year"
 ENDS = "what is assumed at its ends"
 WHEEL_LOSS = "a wheel lost"
 SEPARATION = "after separation"
-ASSUMED_CASES = (f"{100.0 * SHARE:g} % of", ENDS, WHEEL_LOSS)
+ASSUMED_CASES = (MOST_DRAWS, ENDS, WHEEL_LOSS)
 
 
 @dataclass(frozen=True)
@@ -233,7 +233,7 @@ class Sizing:
         if self.worst_scenario and rod is not None and (share is None or rod > share):
             return self.worst_scenario
         if share is not None and year is not None and share > year:
-            return f"for {100.0 * SHARE:g} % of what is assumed, on the worst day of the year"
+            return f"for {MOST_DRAWS}, on {WORST_DAY}"
         if self.worst_day:
             return f"the worst day of the year ({self.worst_day})"
         return "the day of the scenario"

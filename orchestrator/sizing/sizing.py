@@ -153,7 +153,7 @@ def size(
         best, by_year, laws, hardest, least, hardware, requirements
     )
     if by_share != by_year:
-        title = f"{100.0 * intervals.SHARE:g} % of what is not known for sure, that day"
+        title = f"{intervals.MOST_DRAWS}, that day"
         conditions.append(RodsByCondition(title, {law: by_share}))
     recommended = by_share
     unmet: list[str] = []
@@ -419,7 +419,7 @@ def _flights_of_cases(
     if hardest is not None:
         flights[WORST_DAY] = hardest.flight
     if uncertain is not None:
-        title = f"{100.0 * intervals.SHARE:g} % of what is assumed, {WORST_DAY}"
+        title = f"{intervals.MOST_DRAWS}, {WORST_DAY}"
         flights[title] = uncertain.flight
     if worst is not None:
         system, _ = resolved(worst, options)
