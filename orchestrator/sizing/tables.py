@@ -41,7 +41,11 @@ def tabulate_quantities(sizing: Sizing) -> Table:
             "N.m.s",
         ),
         _duration("Time without dumping until a wheel is full", sizing.time_without),
-        ("Smallest rod, |s| / mean Σ |(a × B) · n|", sizing.least_formula, "A.m2"),
+        (
+            "Smallest rod for any law (mean over the orbits)",
+            sizing.least_formula,
+            "A.m2",
+        ),
         ("Smallest rod for any law (linear programme)", sizing.least, "A.m2"),
     ]
     if sizing.least_year > 0.0:

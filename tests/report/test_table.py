@@ -209,7 +209,7 @@ SIZE_ROWS = [
     ["Cyclic momentum, amplitude", "4.3", "mN m s"],
     ["Momentum of the fullest wheel without the secular part", "10.7", "mN m s"],
     ["Time without dumping until a wheel is full", "5 d"],
-    ["Smallest rod, |s| / mean Σ |(a × B) · n|", "0.0232", "A m2"],
+    ["Smallest rod for any law (mean over the orbits)", "0.0232", "A m2"],
     ["Smallest rod for any law (linear programme)", "0.0257", "A m2"],
     [
         "The same on the worst day of the year (2026-07-01, high solar activity)",
