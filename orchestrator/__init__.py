@@ -1,8 +1,8 @@
 """Run systems of FMUs: scenarios, SSP, check, master, results, command line.
 
 `new`, `scenario`, `check`, `run`, `size`, `bound`, `compare`, `tune`, `draws`, `sweep`,
-`cases` (also `campaign`), `load`, `export` and `tables` do the same as the commands,
-with their options, and return objects; `prepare`, `simulate`, `Options`, `Case` and
+`cases` (also `campaign`), `fit`, `load`, `export` and `tables` do the same as the
+commands, with their options, and return objects; `prepare`, `simulate`, `Options`, `Case` and
 `Run` are the parts they use. Their imports are made when they are called. Wrong input
 raises `desat.system.errors.DesatError` with a text of one line for the user.
 """
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from .studies.ranking import Ranking
     from .studies.tune import Tuned
     from .system.options import Options, RunOptions
+    from .telemetry.fit import Fit
 
 __all__ = [
     "Case",
@@ -49,6 +50,7 @@ __all__ = [
     "draws",
     "export",
     "faults",
+    "fit",
     "load",
     "new",
     "prepare",
@@ -314,6 +316,58 @@ def size(
     requirements = SizingRequirements(duty, margin, laws=laws, year=year, flown=flown)
     sized = dumps.size if dumps.is_of(str(target), options_given) else sizing.size
     return sized(str(target), options_given, requirements)
+
+
+def fit(
+    target: str | PathLike[str],
+    log: str | PathLike[str],
+    sets: Mapping[str, Any] | None = None,
+    *,
+    scalar_first: bool = False,
+    field_error: float = 100e-9,
+    attitude_error: float = 1.745e-3,
+    write: bool = False,
+    **options: Unpack[RunOptions],
+) -> Fit:
+    """Fit a craft to telemetry, as `desat fit` does.
+
+    Parameters
+    ----------
+    target, sets, **options
+        As for `run`.
+    log
+        Its csv, as `desat fit --help` says.
+    scalar_first
+        Whether the first number of an attitude is the scalar.
+    field_error, attitude_error
+        Standard deviations of each axis of the field's model (T) and of the attitude
+        (rad).
+    write
+        Write what the log shows into the craft file of the target, a folder.
+
+    Returns
+    -------
+    Fit
+        `.parameters` has value, deviation and what is observed of each.
+
+    Raises
+    ------
+    DesatError
+        If the log is none of the craft, or shows nothing of it; no file is changed.
+    """
+    from pathlib import Path
+
+    from .runs.program import options_of
+    from .telemetry import craft_file
+    from .telemetry.target import fit_target
+
+    file = craft_file.craft_file_of(str(target)) if write else None
+    options_given = options_of(None, None, sets, options)
+    errors = field_error, attitude_error
+    result = fit_target(str(target), options_given, Path(log), scalar_first, errors)
+    if file is not None:
+        craft_file.write_fit(file, result, Path(log).name)
+    return result
 
 
 def compare(

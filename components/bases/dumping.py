@@ -98,7 +98,7 @@ class MomentumDumping(WheelManager):
                 self._to_wheels,
                 self.axes_wheel,
                 self._n if self.feedforward else ZERO,
-                self.tau_ctrl_body,
+                self.control_by_wheels(),
                 self.rate() if self.gyroscopic else ZERO,
                 self.h_wheel if self.valid_h else NO_MOMENTUM,
             )
@@ -121,6 +121,10 @@ class MomentumDumping(WheelManager):
             y - k * (c - r),
             z - k * (d - s),
         )
+
+    def control_by_wheels(self) -> Vec3:
+        """Return the controller's torque (N m, body) that the wheels are to give."""
+        return self.tau_ctrl_body
 
     def rate(self) -> Vec3:
         """Return the measured rate (rad/s, body); zero while it is not valid."""

@@ -58,6 +58,12 @@ class PulsedThrusters(Thrusters):
         min=1.0,
         usual=(20.0, 1e4),
     )
+    pulse_loss: float = Parameter(
+        "s",
+        "each pulse takes propellant for so much longer than it gives thrust",
+        min=0.0,
+        usual=(0.0, 1.0),
+    )
     schedule_start: Table = Parameter(
         "s", "scheduled firings: when each begins", shape=(ENTRIES,)
     )
@@ -163,7 +169,8 @@ class PulsedThrusters(Thrusters):
         exhaust = STANDARD_GRAVITY * self.specific_impulse
         used = 0.0
         for begin, end, _, jet in self._pulses:
-            used += window(begin, end, t, dt)[0] * dt * jet[2] / exhaust
+            lost = self._lost(begin, t, dt)
+            used += (window(begin, end, t, dt)[0] * dt + lost) * jet[2] / exhaust
         remaining = self.propellant_limit() - self._propellant
         share = max(0.0, remaining) / used if used > remaining else 1.0
         for begin, end, i, (torque, push, thrust) in self._pulses:
@@ -172,10 +179,15 @@ class PulsedThrusters(Thrusters):
                 mean, slope, force, (torque, push, thrust), begin, end, t, dt
             )
             self._on_time += seconds
-            self._propellant += seconds * thrust / exhaust
+            lost = share * self._lost(begin, t, dt)
+            self._propellant += (seconds + lost) * thrust / exhaust
             self.record_firing(i, seconds)
         if share < 1.0:
             self._propellant = self.propellant_limit()
+
+    def _lost(self, begin: float, t: float, dt: float) -> float:
+        """Return the time (s) of flow without thrust of a pulse that begins in this step."""
+        return self.pulse_loss if t <= begin < t + dt else 0.0
 
     def propellant_limit(self) -> float:
         """Return the propellant (kg) that all pulses may use: that of the tank."""

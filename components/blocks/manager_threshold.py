@@ -1,10 +1,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import copysign
+from math import copysign, floor, inf
 
 from ..bases.dumping import DUMPING, IDLE, MomentumDumping
-from ..contract.block import Output, Parameter, Vec3
+from ..contract.block import Output, Parameter, Table, Vec3
 from ..laws import cross_product
 from ..laws.blending import Split
 from ..maths.vector import ZERO, add, clip, cross, norm, scale, sub
@@ -12,10 +12,12 @@ from ..maths.vector import ZERO, add, clip, cross, norm, scale, sub
 WHEELS, SUM = range(2)
 THRUSTERS, COILS = range(2)
 WAITING = 2
+THRUSTERS_HOLD = 1  # of `attitude_by`
 # Lower bound of the torque of a sample, relative to `torque`: without it noise would
 # keep a dump from its end; and the number of samples near the end after which a dump
 # ends, whatever momentum accumulates meanwhile.
 LAST, SAMPLES = 0.05, 10
+WINDOWS = 32  # rows of the table of times in which a dump may be
 
 
 class ManagerThreshold(MomentumDumping):
@@ -30,6 +32,10 @@ class ManagerThreshold(MomentumDumping):
     With `period` a dump also begins at each multiple of it since the first sample, where
     `fill` is above `end`: a calendar.
 
+    With `windows` a dump fires within these times only, as at ground contacts or outside
+    observations: one that is due waits for the next, and one that the end of a window
+    cuts off goes on in the next and counts again. With `windows_period` they repeat.
+
     thrusters: the dumping torque is N = -torque h / |h|; the last sample is limited so
     that `fill` does not fall below `end`. Pairs about the body's axes give it with
     on-times of |N_x|, |N_y| and |N_z| over their levels. With `aligned` above 0 a dump
@@ -40,6 +46,9 @@ class ManagerThreshold(MomentumDumping):
     axis, N consists of whole pulses, and the remainder of an axis is added to its next
     sample. The wheels then absorb exactly what is fired, and noise about zero fires
     nothing.
+
+    With `attitude_by` thrusters they also give the controller's torque in a dump, held
+    over each sample, and the wheels take up the dumping torque alone.
 
     coils: M = gain (h x B) / |B|^2, each component within +-`m_limit`; N = M x B. None
     at a sample whose field is not valid.
@@ -89,6 +98,12 @@ class ManagerThreshold(MomentumDumping):
         start=0.01,
         min=1e-9,
     )
+    attitude_by: int = Parameter(
+        "1",
+        "what holds the attitude in a dump by thrusters",
+        choices=("wheels", "thrusters"),
+        start="wheels",
+    )
     pulse_body: Vec3 = Parameter(
         "N.m.s",
         "impulse of the shortest pulse about each axis; 0: any is fired",
@@ -105,6 +120,15 @@ class ManagerThreshold(MomentumDumping):
         "N.m.s",
         "momentum from which on no dump waits; above begin, 0: there is none",
         min=0.0,
+    )
+    windows: Table = Parameter(
+        "s",
+        "a row a window, in order: when it begins and ends; 0, 0 ends the table; empty: always",
+        shape=(WINDOWS, 2),
+        min=0.0,
+    )
+    windows_period: float = Parameter(
+        "s", "time after which the windows repeat; 0: they do not", min=0.0
     )
     gain: float = Parameter("1/s", "gain of the coils' law", start=5e-3, min=0.0)
     m_limit: float = Parameter(
@@ -144,6 +168,7 @@ class ManagerThreshold(MomentumDumping):
             self.fail(
                 f"latest = {self.latest} N m s is not above begin = {self.begin} N m s"
             )
+        self._count_windows()
         self.dumps, self.dumping_time, self.dumped = 0, 0.0, 0.0
         self._since, self._next = 0.0, self.period
         self._rest: Vec3 = ZERO
@@ -151,9 +176,63 @@ class ManagerThreshold(MomentumDumping):
         self._dump_impulse: Vec3 = ZERO  # N m s, by the present dump
         self._last = 0
 
+    def _count_windows(self) -> None:
+        """Count the rows of `windows` and check their order."""
+        count, last = 0, 0.0
+        while count < WINDOWS and self.windows[2 * count + 1] > 0.0:
+            begin, end = self.windows[2 * count], self.windows[2 * count + 1]
+            if begin >= end or begin < last:
+                self.fail(
+                    f"windows: row {count + 1}, {begin} to {end} s, begins before "
+                    "the one before it ends, or ends before it begins"
+                )
+            last = end
+            count += 1
+        if self.windows_period > 0.0 and last > self.windows_period:
+            self.fail(
+                f"windows: the last ends at {last} s, after windows_period = "
+                f"{self.windows_period} s"
+            )
+        self._window_count = count
+
+    def is_open(self, t: float) -> bool:
+        """Return whether a dump may fire at a time (s)."""
+        if self._window_count == 0:
+            return True
+        since = t
+        if self.windows_period > 0.0:
+            since = t - self.windows_period * floor(t / self.windows_period)
+        is_open = False
+        for i in range(self._window_count):
+            begin, end = self.windows[2 * i], self.windows[2 * i + 1]
+            is_open = is_open or begin <= since < end
+        return is_open
+
+    def next_open(self, t: float) -> float:
+        """Return the first time (s), `t` or later, at which a dump may fire; inf: none."""
+        if self.is_open(t):
+            return t
+        since, base = t, 0.0
+        if self.windows_period > 0.0:
+            base = self.windows_period * floor(t / self.windows_period)
+            since = t - base
+        for i in range(self._window_count):
+            if self.windows[2 * i] > since:
+                return base + self.windows[2 * i]
+        if self.windows_period > 0.0:
+            return base + self.windows_period + self.windows[0]
+        return inf
+
     def foresee(
         self, begin: float, end: float, wired_names: frozenset[str]
     ) -> Iterator[str]:
+        if self._window_count > 0 and self.windows_period == 0.0:
+            last = self.windows[2 * self._window_count - 1]
+            if last < end:
+                yield (
+                    f"windows: the last ends at {last:g} s, the run at {end:g} s: no dump "
+                    "is after it"
+                )
         name = ("tau_cmd_thruster_body", "m_cmd_body")[self.by]
         if name not in wired_names:
             self.fail(f"by = {('thrusters', 'coils')[self.by]}: {name} is unused")
@@ -179,7 +258,10 @@ class ManagerThreshold(MomentumDumping):
                 self._next += self.period
         if self.mode == IDLE and due:
             self.mode, self._since = WAITING, t
-        if self.mode == WAITING and self._goes(t, h, size, fill):
+        is_open = self.is_open(t)
+        if self.mode == DUMPING and not is_open:
+            self.mode, self._since = WAITING, t
+        if self.mode == WAITING and is_open and self._goes(t, h, size, fill):
             self.mode, self._last, self._rest = DUMPING, 0, ZERO
             self._dumped_before, self._dump_impulse = self.dumped, ZERO
             self.dumps += 1
@@ -199,13 +281,22 @@ class ManagerThreshold(MomentumDumping):
                 self._last = SAMPLES
             n = self._in_pulses(n, remaining)
             self._count(n)
-            return n, (ZERO, n)
+            return n, (ZERO, add(n, self._control_by_thrusters()))
         if not self.valid_b:
             return ZERO, (ZERO, ZERO)
         m = clip(cross_product.normalised(h, self.b_body, self.gain), self.m_limit)
         n = cross(m, self.b_body)
         self._count(n)
         return n, (m, ZERO)
+
+    def control_by_wheels(self) -> Vec3:
+        """Return the controller's torque (N m, body) where no thrusters give it."""
+        return sub(self.tau_ctrl_body, self._control_by_thrusters())
+
+    def _control_by_thrusters(self) -> Vec3:
+        """Return the controller's torque (N m, body) while thrusters give it."""
+        is_theirs = self.attitude_by == THRUSTERS_HOLD and self.by == THRUSTERS
+        return self.tau_ctrl_body if is_theirs and self.mode == DUMPING else ZERO
 
     def _count(self, n: Vec3) -> None:
         """Add the impulse of a torque (N m) over a sample to that of the dump."""

@@ -18,7 +18,8 @@ class Thrusters(PulsedThrusters):
     (`placement`). Their edges may fall anywhere inside a step; impulse and first moment
     are exact (mean and slope).
 
-        on_time += sum over the axes;  propellant += on-time tau_level / (arm g0 I_sp)
+        on_time += sum over the axes
+        propellant += (on-time + pulse_loss each pulse) tau_level / (arm g0 I_sp)
 
     With a `tank` no command is fired once `propellant` has reached it. The step in
     which that happens has the torque of the remaining propellant, as a mean over its

@@ -32,7 +32,8 @@ class ThrustersNozzles(PulsedThrusters):
     period (`placement`). Their edges may fall anywhere inside a step; impulse and first
     moment are exact (mean and slope).
 
-        on_time += sum over the nozzles;  propellant += on-time thrust / (g0 I_sp)
+        on_time += sum over the nozzles
+        propellant += (on-time + pulse_loss each pulse) thrust / (g0 I_sp)
 
     Up to eight scheduled firings (`schedule_...`: for instance an orbit manoeuvre) add
     torque and force, and count in `schedule_on_time` and `schedule_propellant` only.

@@ -32,7 +32,7 @@ class ThrustersValves(ThrustersNozzles):
 
     at the beginning of the step, and 0 when the tank is empty; the step in which that
     happens has the thrust of the remaining propellant. `on_time` counts open valves,
-    `propellant` the mass expelled: thrust / (g0 I_sp).
+    `propellant` the mass expelled: thrust / (g0 I_sp), and `pulse_loss` each pulse.
 
     The valve of `stuck_nozzle` is `stuck` closed or open from `stuck_from` on, whatever
     is commanded. With `failure_known` the on-times at the samples from then on use the
@@ -161,7 +161,12 @@ class ThrustersValves(ThrustersNozzles):
                     i, levels[i], pressure, t, dt
                 )
                 shares[2 * i], shares[2 * i + 1] = a, b
-                used += dt * a * thrust / (STANDARD_GRAVITY * self.specific_impulse)
+                lost = 0.0
+                for begin, _, nozzle, _ in self._pulses:
+                    if nozzle == i and open_time[i] > 0.0:
+                        lost += self._lost(begin, t, dt)
+                exhaust = STANDARD_GRAVITY * self.specific_impulse
+                used += (dt * a + lost) * thrust / exhaust
         remaining = self.tank - self._propellant
         share = remaining / used if self.tank > 0.0 and used > remaining else 1.0
         for i in range(NOZZLES):

@@ -71,9 +71,15 @@ from . import coils
 from .body import NewBody, body_of
 from .facts import CraftFacts
 from .orbits import Orbit, epoch_of, orbit_of
-from .spread import class_factor, format_spread, parse_values
+from .spread import (
+    class_factor,
+    format_spread,
+    parse_values,
+    split_spread,
+)
 from .surfaces import AROUND, Surfaces, surfaces_of
 from .torques import GivenTorque, given_torque
+from .windows import Windows, windows_of
 
 Array = NDArray[np.float64]
 # the last two only for a craft with rods
@@ -153,6 +159,7 @@ class NewWheels:
     lag: str
     compensation: str
     noise: str  # N m s, of the measured momentum
+    spread: float  # of the capacity: times or divided by it, at 90 %
 
 
 @dataclass(frozen=True)
@@ -172,6 +179,17 @@ class NewDumps:
     latest: str  # N m s: from there on it does not wait
     momentum: float  # N m s, between the thresholds
     period: float  # s, of the calendar; 0: there is none
+    windows: Windows | None  # in which alone dumps may be
+    spread: str  # entry of [dispersions] for a wheel's capacity; "": it is certain
+    spread_why: str
+    capacity: float  # N m s, of a wheel
+
+    def in_file(self, threshold: str) -> str:
+        """Return a threshold (N m s) as a file has it, a share of the capacity if that is sampled."""
+        if not self.spread:
+            return threshold
+        share = float(threshold) / self.capacity
+        return f'"{share:.6g} * wheels.inertia_wheel[1] * wheels.speed_limit"'
 
 
 class Assumption(NamedTuple):
@@ -343,6 +361,10 @@ def _assumptions(facts: CraftFacts, values: Mapping[str, Any]) -> Iterator[Assum
         yield Assumption(
             "a dump begins, ends", f"{dump.begin}, {dump.end}", "N m s", "given: --dump"
         )
+        if dump.spread:
+            yield Assumption(
+                "spread of a wheel", dump.spread.strip("{ }"), "90 %", dump.spread_why
+            )
         yield Assumption("torque of a dump", dump.torque, "N m", dump.origin)
     yield Assumption(
         "sample time and step", f"{values['step']:g}", "s", values["step_why"]
@@ -998,7 +1020,7 @@ def _dump(
         return None
     capacity = wheels.capacity_si
     rule = _rule(facts.dump, capacity)
-    begin, end, by, aligned, period = rule
+    begin, end, by, aligned, period, windows = rule
     if by == "coils" and not rods:
         raise DesatError(f"--dump {facts.dump}: --rods none leaves no coils")
     if by == "coils" and aligned:
@@ -1036,6 +1058,10 @@ def _dump(
         latest=_text((begin + 100.0) / 200.0 * capacity),
         momentum=(begin - end) / 100.0 * capacity,
         period=period,
+        windows=windows,
+        spread=format_spread(wheels.spread),
+        spread_why="given" if facts.wheels else "class: wheels",
+        capacity=capacity,
     )
 
 
@@ -1047,6 +1073,7 @@ class DumpRule(NamedTuple):
     by: str
     aligned: bool  # whether they wait until their momentum lies along an axis
     period: float  # s, of the calendar; 0: there is none
+    windows: Windows | None = None
 
     @property
     def fullest(self) -> float:
@@ -1060,8 +1087,9 @@ def _rule(text: str, capacity: float) -> DumpRule:
 
     Raises DesatError for another form.
     """
+    text, windows = windows_of(text)
     if match := re.fullmatch(r"\s*thrusters\s+every\s+(\S+)\s*", text):
-        return DumpRule(*CALENDAR, "thrusters", False, PERIOD(match[1]))
+        return DumpRule(*CALENDAR, "thrusters", False, PERIOD(match[1]), windows)
     match = re.fullmatch(
         r"\s*(\w+)\s+([\d.]+)\s*(m?Nms)?\s*:\s*([\d.]+)\s*(%|m?Nms)?(\s+aligned)?\s*",
         text,
@@ -1070,7 +1098,8 @@ def _rule(text: str, capacity: float) -> DumpRule:
         raise DesatError(
             f"--dump {text}: the form is thrusters BEGIN:END or coils BEGIN:END, in % of a wheel's "
             "capacity, as 'thrusters 70:10', or in momentum, as 'thrusters 1.8Nms:0'; of thrusters "
-            "aligned may follow; or 'thrusters every 7d'"
+            "aligned may follow; or 'thrusters every 7d'; of each `within FILE.csv` or "
+            "`outside FILE.csv`"
         )
     units = [x for x in (match[3], match[5]) if x not in (None, "%")]
     if units:
@@ -1095,7 +1124,11 @@ def _rule(text: str, capacity: float) -> DumpRule:
             f"--dump {text}: thresholds are in % of a wheel's capacity: "
             f"'{match[1]} {100.0 * begin:g}:{100.0 * end:g}', or {begin:g}:{end:g}%"
         )
-    return DumpRule(begin, end, match[1], bool(match[6]), 0.0)
+    if windows is not None and match[6]:
+        raise DesatError(
+            f"--dump {text}: aligned waits for an attitude, windows for a time: one of both"
+        )
+    return DumpRule(begin, end, match[1], bool(match[6]), 0.0, windows)
 
 
 def _cycle(
@@ -1155,7 +1188,12 @@ def _wheels(
         ]
         size = min((x for x in sold if x >= size), default=size)
         origin += ", in a size that is sold"
-    text = facts.wheels or f"4 pyramid {max(size, 2e-3):.2g} N.m.s"
+    text, spread = split_spread(
+        f"--wheels {facts.wheels}",
+        facts.wheels or f"4 pyramid {max(size, 2e-3):.2g} N.m.s",
+    )
+    if facts.wheels is None:
+        spread = class_factor("wheels")
     match = re.fullmatch(r"\s*(\d)\s+(\w+)\s+(.+?)\s*", text)
     if match is None:
         raise DesatError(
@@ -1207,6 +1245,7 @@ def _wheels(
         lag=WHEEL_LAG,
         compensation=COMPENSATION,
         noise=f"{1e-3 * capacity:.3g}",
+        spread=spread,
     )
 
 
@@ -1290,5 +1329,6 @@ def _thrusters(
         if facts.propellant is None
         else f"{PROPELLANT(facts.propellant):g} kg",
         "pulse": figures["pulse"],
+        "loss": figures["loss"],
         "class": name,
     }

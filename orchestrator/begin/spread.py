@@ -67,6 +67,27 @@ def parse_values(form: Quantity, text: str) -> SpreadValues:
     return SpreadValues(values, plus_minus=width)
 
 
+def split_spread(place: str, text: str) -> tuple[str, float]:
+    """Split a text from the spread in % that follows it, as `4 pyramid 11Nms +-50%`.
+
+    Returns the text and the spread as a factor, 1 without one.
+
+    Raises
+    ------
+    DesatError
+        If what follows is no spread in %.
+    """
+    value, *spreads = _MARK.split(text)
+    if not spreads:
+        return text, 1.0
+    if len(spreads) > 1 or not spreads[0].endswith("%"):
+        raise DesatError(f"{place}: one spread in % is needed, as +-10%")
+    share = Quantity(f"{place}: +-", "%", 0.0, 1e4)(spreads[0]) / 100.0
+    if share >= 1.0:
+        raise DesatError(f"{place}: less than 100 % is needed: it may not be 0")
+    return value, 1.0 + share
+
+
 def class_factor(name: str) -> float:
     """Return the spread of a class value as a factor (templates/classes.toml)."""
     return quantity("", classes()["assumed"][name]["factor"], "1")

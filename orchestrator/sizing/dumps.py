@@ -97,7 +97,7 @@ from .momentum import (
     shares_of,
     smallest_wheel_capacity,
 )
-from .propellant import GRAVITY, YEAR, thruster_cost
+from .propellant import YEAR, ThrusterCost, thruster_cost
 from .requirements import SizingRequirements
 from .rods import find_rods_of_laws, other_laws, round_up
 from .scenarios import closed_loop_only, doubts, find_worst_scenario
@@ -158,6 +158,8 @@ class DumpRates:
     momentum: float  # N m s, of a dump
     impulse: float  # N s, impulse of force of a dump
     propellant: float  # kg, of a dump
+    net_impulse: float = 0.0  # N s, of force on the craft as a whole, of a dump
+    fullest: float = 0.0  # N m s, largest fill at which a dump begins
     # kg, of a dump that waits for the attitude at which its momentum costs least
     least_propellant: float = 0.0
     # dumps a week: range over courses that begin at other times with slightly other
@@ -408,12 +410,12 @@ def size(
         raise DesatError("\n".join(lines))
     hardware, values = hardware_of(system), values_of(system)
     law = _law_of(system)
-    cost, isp = _cost_of_thrusters(target, system, hardware, requirements)
+    cost = _cost_of_thrusters(target, system, hardware, requirements)
     attitude = wanted_attitude(system)
     progress("the days of the scenario")
     flight = fly_days(system, attitude)
     torque, _ = secular(flight)
-    rates_in = partial(rates_of, hardware=hardware, law=law, cost=cost, isp=isp)
+    rates_in = partial(rates_of, hardware=hardware, law=law, cost=cost)
     steady = _mean_rates(system, options, attitude, flight, rates_in)
     window = _window(system, options, steady)
     progress("its dumps, one after the other")
@@ -422,7 +424,7 @@ def size(
     )
     course = None if whole_run is None else _course_of_fill(whole_run, hardware, law)
     progress("other thresholds")
-    thresholds = tuple(_rates_by_threshold(flight, hardware, law, cost, isp))
+    thresholds = tuple(_rates_by_threshold(flight, hardware, law, cost))
     is_wanted = requirements.year and float(np.linalg.norm(flight.r[0])) < BEYOND
     year, each = (
         _days_of(system, hardware, attitude, rates_in, progress)
@@ -463,7 +465,7 @@ def size(
     notes = [*doubts(system), *closed_loop_only(system, options)]
     progress("what is not known for sure")
     rows, shares = _intervals(
-        system, sizing, (flight, whole_run or flight), hardware, law, cost, isp
+        system, sizing, (flight, whole_run or flight), hardware, law, cost
     )
     sizing = replace(
         sizing,
@@ -478,7 +480,7 @@ def size(
     flights = _lengths_of_flights(system, options, window, steady, whole_run)
     causes = list(_causes(system, law, hardware))
     loop, unmet = _fly_loops(target, options, flights, causes, progress)
-    within = _rates_within(whole_run, flights[0], hardware, law, cost, isp)
+    within = _rates_within(whole_run, flights[0], hardware, law, cost)
     sizing = _judge(
         system, replace(sizing, loop=loop, within=within or steady), unmet, requirements
     )
@@ -490,8 +492,7 @@ def _rates_within(
     span: float,
     hardware: Hardware,
     law: ThresholdLaw,
-    cost: Callable[[Array], float],
-    isp: float,
+    cost: ThrusterCost,
 ) -> DumpRates | None:
     """Compute the rates of the dumps of a flight in its first `span` (s).
 
@@ -502,15 +503,15 @@ def _rates_within(
     dumps = [
         x
         for x in _course(flight, hardware, law, 1.0, 0, False, 10 * MANY)
-        if x[0] <= span
+        if x.time <= span
     ]
     if len(dumps) < 2:
         return None
-    between = (dumps[-1][0] - dumps[0][0]) / (len(dumps) - 1)
-    momentum = float(np.mean([np.linalg.norm(u) for _, u, _ in dumps]))
-    impulse = float(np.mean([cost(u) for _, u, _ in dumps]))
-    propellant = impulse / (isp * GRAVITY)
-    return DumpRates(dumps[0][0], between, momentum, impulse, propellant)
+    between = (dumps[-1].time - dumps[0].time) / (len(dumps) - 1)
+    momentum = float(np.mean([np.linalg.norm(x.body) for x in dumps]))
+    impulse, net, propellant = _mean_cost(cost, [x.body for x in dumps])
+    fullest, first = law.fullest(dumps), dumps[0].time
+    return DumpRates(first, between, momentum, impulse, propellant, net, fullest)
 
 
 def _judge(
@@ -588,11 +589,11 @@ def _margins(system: System, sizing: DumpSizing) -> list[Margin]:
     rows = []
     if 0.0 < sizing.capacity < inf:
         limit = limits.get("largest_momentum", 100.0) / 100.0 * sizing.capacity
-        rows.append(
-            Margin("where a dump begins", "wheels", sizing.begin, limit, "N.m.s")
-        )
+        # a dump that waits begins later; one by the calendar may begin before
+        begin = max(sizing.begin, sizing.steady.fullest)
+        rows.append(Margin("where a dump begins", "wheels", begin, limit, "N.m.s"))
         if sizing.slew_momentum > 0.0:
-            both = sizing.begin + sizing.slew_momentum
+            both = begin + sizing.slew_momentum
             rows.append(Margin(SLEW_CASE, "wheels", both, sizing.capacity, "N.m.s"))
     if (a_year := limits.get("propellant_a_year")) is not None:
         cases = {"the dates of a year, mean": sizing.a_year}
@@ -637,8 +638,7 @@ def _intervals(
     flights: tuple[Flight, Flight],
     hardware: Hardware,
     law: ThresholdLaw,
-    cost: Callable[[Array], float],
-    isp: float,
+    cost: ThrusterCost,
 ) -> tuple[tuple[Interval, ...], tuple[AssumptionShare, ...]]:
     """Return the intervals of a sizing over what is not known for sure.
 
@@ -651,19 +651,25 @@ def _intervals(
     if draws is None or along is None:
         return (), ()
 
-    def rates(of: Flight) -> tuple[float, float]:
-        """Return the time between dumps (s) and the propellant of a year (kg)."""
-        course = list(_course(of, hardware, law, 1.0, 0, False, 10 * MANY))
+    def rates(of: Flight, fill: float = 1.0) -> tuple[float, float]:
+        """Return the time between dumps (s) and the propellant of a year (kg).
+
+        `fill` scales all thresholds.
+        """
+        scaled = law.at_fill(fill)
+        course = list(_course(of, hardware, scaled, 1.0, 0, False, 10 * MANY))
         if len(course) < FEW:
-            course = list(_course(of, hardware, law, 1.0, 0, True, FEW))
+            course = list(_course(of, hardware, scaled, 1.0, 0, True, FEW))
         if len(course) < 2:
             return inf, 0.0
-        between = (course[-1][0] - course[0][0]) / (len(course) - 1)
-        impulse = float(np.mean([cost(u) for _, u, _ in course]))
-        return between, impulse / (isp * GRAVITY) * YEAR / between
+        between = (course[-1].time - course[0].time) / (len(course) - 1)
+        _, _, propellant = _mean_cost(cost, [x.body for x in course])
+        return between, propellant * YEAR / between
 
-    between, propellant = follow(along, rates)
-    propellant = propellant * _effort(system, len(propellant))
+    count = len(along.impulses)
+    between, propellant = follow(along, rates, _fills(system, count))
+    for name in ("arm", "specific_impulse"):
+        propellant = propellant / _shares(system, f"thrusters.{name}", count)
     times, mass = rates(along.flight)
     steady = sizing.steady
     if times < inf and steady.interval < inf:
@@ -686,19 +692,24 @@ def _intervals(
     return rows, draws.assumptions
 
 
-def _effort(system: System, count: int) -> Array:
-    """Return the propellant of an impulse in each draw, over that of the craft.
+def _fills(system: System, count: int) -> Array:
+    """Return the thresholds in each draw (count,) over those of the craft."""
+    fills = _shares(system, "manager.begin", count)
+    capacity = "wheels.speed_limit"  # which a threshold may be in proportion to
+    if capacity in system.components["manager"].references.get("begin", ""):
+        fills = fills * _shares(system, capacity, count)
+    return fills
 
-    It is in inverse proportion to the arm of the thrusters and to specific impulse.
-    """
-    specs, effort = dispersions_of(system), np.ones(count)
-    values = system.components["thrusters"].values
-    for name in ("arm", "specific_impulse"):
-        key = f"thrusters.{name}"
-        if key in specs and float(values.get(name, 0.0)) > 0.0:
-            each = [draw_one(system, key, specs[key], SEED, k) for k in range(count)]
-            effort *= float(values[name]) / np.ravel(each)
-    return effort
+
+def _shares(system: System, key: str, count: int) -> Array:
+    """Return a sampled number in each draw (count,) over that of the craft."""
+    specs = dispersions_of(system)
+    component, _, name = key.partition(".")
+    value = float(system.components[component].values.get(name, 0.0))
+    if key not in specs or value <= 0.0:
+        return np.ones(count)
+    each = [draw_one(system, key, specs[key], SEED, k) for k in range(count)]
+    return np.ravel(each) / value
 
 
 def _lengths_of_flights(
@@ -725,21 +736,33 @@ def _lengths_of_flights(
     return min(window, some), min(window, few)
 
 
+def _mean_cost(cost: ThrusterCost, every: list[Array]) -> tuple[float, float, float]:
+    """Return the mean impulse of force and its net part (N s), and propellant (kg).
+
+    `every` are the momenta (3,) N m s, body, of dumps.
+    """
+    mean = np.mean(
+        [(cost.impulse(u), cost.net_impulse(u), cost.propellant(u)) for u in every],
+        axis=0,
+    )
+    impulse, net, propellant = mean.tolist()
+    return impulse, net, propellant
+
+
 def _cost_of_thrusters(
     target: str, system: System, hardware: Hardware, requirements: SizingRequirements
-) -> tuple[Callable[[Array], float], float]:
-    """Return the function of `thruster_cost`, and the specific impulse (s).
+) -> ThrusterCost:
+    """Return what thrusters take.
 
-    Raises DesatError where the craft does not say what they follow from.
+    Raises DesatError where the craft does not say what that follows from.
     """
     cost = thruster_cost(system, hardware, requirements)
-    isp = requirements.specific_impulse or hardware.specific_impulse
-    if cost is None or isp is None:
+    if cost is None:
         raise DesatError(
             f"{target}: its thrusters have neither arm nor nozzles, or no specific "
             "impulse: give them with --arm and --isp"
         )
-    return cost, isp
+    return cost
 
 
 def _mean_rates(
@@ -883,6 +906,22 @@ class ThresholdLaw(NamedTuple):
     latest: float  # N m s, fill from which on no dump waits; inf: there is none
     period: float  # s, between dumps by the calendar; inf: there is none
     block: ManagerThreshold  # the manager's block, set to dump at once
+    windows: ManagerThreshold | None  # the same with its windows; None: it has none
+
+    def next_open(self, t: float) -> float:
+        """Return the first time (s), `t` or later, at which a dump may be; inf: none."""
+        return t if self.windows is None else self.windows.next_open(t)
+
+    def fullest(self, dumps: Sequence[Dump]) -> float:
+        """Return the largest fill (N m s) at which dumps begin: `begin` if none waits."""
+        if self.aligned == 0.0 and self.windows is None:
+            return self.begin
+        return max(x.fill for x in dumps)
+
+    def at_fill(self, share: float) -> ThresholdLaw:
+        """Return the law with all its thresholds at a share of its own."""
+        begin, end, latest = (share * x for x in (self.begin, self.end, self.latest))
+        return self._replace(begin=begin, end=end, latest=latest)
 
 
 def _law_of(system: System) -> ThresholdLaw:
@@ -893,6 +932,12 @@ def _law_of(system: System) -> ThresholdLaw:
     block.latest = block.period = 0.0
     block.check()
     assert isinstance(block, ManagerThreshold)
+    windows = None
+    if any(values["windows"]):
+        windows = bare_block(manager)
+        assert isinstance(windows, ManagerThreshold)
+        windows.start()
+        block.windows = (0.0,) * len(block.windows)
     return ThresholdLaw(
         begin=float(values["begin"]),
         end=float(values["end"]),
@@ -905,6 +950,7 @@ def _law_of(system: System) -> ThresholdLaw:
         latest=float(values["latest"]) or inf,
         period=float(values["period"]) or inf,
         block=block,
+        windows=windows,
     )
 
 
@@ -1031,8 +1077,7 @@ def rates_of(
     flight: Flight,
     hardware: Hardware,
     law: ThresholdLaw,
-    cost: Callable[[Array], float],
-    isp: float,
+    cost: ThrusterCost,
     interval: float = 0.0,
 ) -> DumpRates:
     """Compute the mean rates of dumps over WAYS courses of a flight.
@@ -1056,24 +1101,28 @@ def rates_of(
         return DumpRates(inf, inf, 0.0, 0.0, 0.0)
     rates = list(_course(flight, hardware, law, 1.0, 0, goes_on, most))
     weekly = [
-        WEEK * (len(c) - 1) / (c[-1][0] - c[0][0]) for c in [*each, rates] if len(c) > 1
+        WEEK * (len(c) - 1) / (c[-1].time - c[0].time)
+        for c in [*each, rates]
+        if len(c) > 1
     ]
     counted = each if goes_on or len(rates) < 2 else [rates]
-    seconds = sum(course[-1][0] - course[0][0] for course in counted)
+    seconds = sum(course[-1].time - course[0].time for course in counted)
     count = sum(len(course) - 1 for course in counted)
-    every = [u for course in counted for _, u, _ in course]
-    inertial = [u for _, _, u in (rates or each[0])[:CHEAPEST_OF]]
+    every = [x.body for course in counted for x in course]
+    inertial = [x.inertial for x in (rates or each[0])[:CHEAPEST_OF]]
     least = float(np.mean([_cheapest(flight, u, cost) for u in inertial]))
     momentum = float(np.mean([np.linalg.norm(u) for u in every]))
-    impulse = float(np.mean([cost(u) for u in every]))
-    first = rates[0][0] if rates else each[0][0][0]
+    impulse, net, propellant = _mean_cost(cost, every)
+    first = (rates or each[0])[0].time
     return DumpRates(
         first,
         seconds / count if count else inf,
         momentum,
         impulse,
-        impulse / (isp * GRAVITY),
-        min(least, impulse) / (isp * GRAVITY),
+        propellant,
+        net,
+        law.fullest(rates or each[0]),
+        min(least, propellant),
         min(weekly, default=0.0),
         max(weekly, default=0.0),
     )
@@ -1107,8 +1156,7 @@ def _rates_by_threshold(
     flight: Flight,
     hardware: Hardware,
     law: ThresholdLaw,
-    cost: Callable[[Array], float],
-    isp: float,
+    cost: ThrusterCost,
 ) -> Iterator[Threshold]:
     """Yield the rates of dumps that begin at other shares of a wheel's capacity."""
     capacity = smallest_wheel_capacity(hardware)
@@ -1124,7 +1172,7 @@ def _rates_by_threshold(
         waiting = (law.latest - law.begin) / (capacity - law.begin)
         latest = begin + waiting * (capacity - begin) if law.latest < inf else inf
         other = law._replace(begin=begin, latest=latest)
-        rates = rates_of(flight, hardware, other, cost, isp)
+        rates = rates_of(flight, hardware, other, cost)
         yield Threshold(begin, rates.a_week, rates.a_year)
 
 
@@ -1134,11 +1182,11 @@ def _course_of_fill(
     """Compute the fill of the wheels along a flight through all its dumps."""
     dumps = list(_course(flight, hardware, law, 1.0, 0, False, 10 * MANY))
     times = flight.times - flight.times[0]
-    begun = np.array([t for t, _, _ in dumps])
+    begun = np.array([x.time for x in dumps])
     total = rotate_back(flight.q[:1], flight.body[:1])[0]
     removed = np.zeros((len(dumps) + 1, 3))
     if dumps:
-        removed[1:] = np.cumsum([u for _, _, u in dumps], axis=0)
+        removed[1:] = np.cumsum([x.inertial for x in dumps], axis=0)
     count = np.searchsorted(begun, times, side="left")
     gained = flight.disturbance - flight.disturbance[0]
     momentum_body = rotate(flight.q, total + gained - removed[count])
@@ -1151,13 +1199,14 @@ def _course_of_fill(
     return DumpCourse(times, fill, begun)
 
 
-def _cheapest(flight: Flight, momentum: Array, cost: Callable[[Array], float]) -> float:
-    """Return the least impulse of force (N s) for a momentum (3,) N m s, eci.
+def _cheapest(flight: Flight, momentum: Array, cost: ThrusterCost) -> float:
+    """Return the least propellant (kg) for a momentum (3,) N m s, eci.
 
     The minimum is over the attitudes of the flight.
     """
     q = flight.q[:: max(1, len(flight.q) // CHEAPEST_AT)]
-    return min(cost(u) for u in rotate(q, np.broadcast_to(momentum, (len(q), 3))))
+    each = rotate(q, np.broadcast_to(momentum, (len(q), 3)))
+    return min(cost.propellant(u) for u in each)
 
 
 def mean_of(each: Sequence[DumpRates]) -> DumpRates:
@@ -1169,10 +1218,13 @@ def mean_of(each: Sequence[DumpRates]) -> DumpRates:
         np.mean([1.0 / r.interval if r.interval < inf else 0.0 for r in each])
     )
     shares = np.array([1.0 / r.interval for r in some])
-    momentum, impulse, propellant, least = (
+    momentum, impulse, propellant, net, least = (
         float(shares @ np.array(x) / shares.sum())
         for x in zip(
-            *((r.momentum, r.impulse, r.propellant, r.least_propellant) for r in some),
+            *(
+                (r.momentum, r.impulse, r.propellant, r.net_impulse, r.least_propellant)
+                for r in some
+            ),
             strict=True,
         )
     )
@@ -1182,10 +1234,125 @@ def mean_of(each: Sequence[DumpRates]) -> DumpRates:
         momentum,
         impulse,
         propellant,
+        net,
+        max(r.fullest for r in some),
         least,
         min(r.least_a_week for r in some),
         max(r.most_a_week for r in some),
     )
+
+
+class Dump(NamedTuple):
+    """A dump of the model."""
+
+    time: float  # s since the course began
+    body: Array  # (3,) N m s that it removes
+    inertial: Array  # the same in eci
+    fill: float  # N m s, where it begins
+
+
+class _Course:
+    """Wheels along a flight, at rest at a row of it, and when a dump is due."""
+
+    def __init__(
+        self,
+        flight: Flight,
+        hardware: Hardware,
+        law: ThresholdLaw,
+        begin: float,
+        row: int,
+    ) -> None:
+        """Begin at a row; `begin` (N m s) is the law's, or near it."""
+        self._flight, self._law, self._begin, self.row = flight, law, begin, row
+        self._spread = hardware.spread()
+        self._gained = flight.disturbance - flight.disturbance[0]
+        # The body's own momentum turns with it: with wheels at rest it is the whole
+        first = slice(row, row + 1)
+        self._total = rotate_back(flight.q[first], flight.body[first])[0]
+        self._times = flight.times - flight.times[0]
+        self._span = float(self._times[-1])
+        #: s, of the flight's first row since the course began
+        self.begun = -float(self._times[row])
+        self._calendar = law.period
+        self._opens = -inf  # window of a dump that is due; -inf: none is
+
+    def next_dump(self, goes_on: bool, dumps: int) -> Dump | None:
+        """Follow the wheels to their next dump; None where there is none.
+
+        With `goes_on` the flight is repeated. There have been `dumps` so far.
+        """
+        law = self._law
+        while self.begun < LONGEST:
+            momentum, in_body, fill = self._momenta()
+            due = self._rows_due(fill)
+            if not due.any():
+                if not goes_on or not self._repeat(momentum[-1], fill, dumps):
+                    return None
+                continue
+            times = self._times[self.row :]
+            k = _begins(law, in_body, fill, times, int(np.argmax(due)))
+            self._total, self.row = momentum[k], self.row + k
+            time = self.begun + float(times[k])
+            if self._opens == -inf:
+                self._opens = law.next_open(time)
+                if self._opens == inf:
+                    return None
+                if self._opens > time:
+                    continue
+            return self._dump(time, in_body[k], float(fill[k]))
+        return None
+
+    def _momenta(self) -> tuple[Array, Array, Array]:
+        """Return the momentum (rows, 3) N m s, eci and body, and the fill (rows,)."""
+        flight, law, rows = self._flight, self._law, slice(self.row, None)
+        momentum = self._total + self._gained[rows] - self._gained[self.row]
+        in_body = rotate(flight.q[rows], momentum) - flight.body[rows] - law.target
+        if law.of_wheels:
+            return momentum, in_body, np.abs(in_body @ self._spread.T).max(axis=1)
+        return momentum, in_body, np.linalg.norm(in_body, axis=1)
+
+    def _rows_due(self, fill: Array) -> Array:
+        """Return at which rows a dump is due, by threshold, calendar or window."""
+        law, times = self._law, self.begun + self._times[self.row :]
+        if self._opens > -inf:
+            return np.asarray(times >= self._opens)
+        due = fill >= self._begin
+        if law.period < inf:
+            due |= _is_due(times, self._calendar, law) & (fill > law.end)
+        return np.asarray(due)
+
+    def _repeat(self, momentum: Array, fill: Array, dumps: int) -> bool:
+        """Begin the flight anew; False where no dump would come.
+
+        Repetitions that cannot yet bring the fill to its threshold are skipped.
+        `momentum` (3,) N m s, eci, is that at the end of the flight.
+        """
+        law = self._law
+        most = np.linalg.norm(self._spread, axis=1).max() if law.of_wheels else 1.0
+        growth = float(np.linalg.norm(self._gained[-1]) * most)
+        free = 1.0
+        if growth > 0.0 and self.row == 0:
+            free = (self._begin - float(fill.max())) / growth
+        until = min(LONGEST, self._calendar)
+        if self._opens > -inf:
+            free, until = inf, min(LONGEST, self._opens)
+        times_on = max(1, int(min(free, (until - self.begun) / self._span)))
+        self._total = momentum + (times_on - 1) * self._gained[-1]
+        self.begun, self.row = self.begun + times_on * self._span, 0
+        is_long = not dumps and self.begun >= 3.0 * self._span
+        return not (is_long and law.period == inf and _stays(self._flight, law, fill))
+
+    def _dump(self, time: float, in_body: Array, fill: float) -> Dump | None:
+        """Dump the momentum (3,) N m s, body, at a time (s); None: less than a pulse."""
+        law, here = self._law, slice(self.row, self.row + 1)
+        out = _taken(law, in_body, fill, self._spread, law.target)
+        if not out.any():
+            return None
+        inertial = rotate_back(self._flight.q[here], out[None])[0]
+        self._total, self._opens = self._total - inertial, -inf
+        if law.period < inf:
+            self._calendar = law.period * (1 + time // law.period)
+        return Dump(time, out, inertial, fill)
 
 
 def _course(
@@ -1196,66 +1363,18 @@ def _course(
     row: int,
     goes_on: bool,
     most: int,
-) -> Iterator[tuple[float, Array, Array]]:
+) -> Iterator[Dump]:
     """Yield the first `most` dumps of wheels that are at rest at a row.
 
-    Each is its time (s) and the momentum (3,) N m s that it removes, in body and eci.
     `part` scales the threshold at which dumps begin. If `goes_on`, the flight is
     repeated until there are as many; otherwise it ends.
     """
-    begin, spread = part * law.begin, hardware.spread()
-    target = law.target
-    most_share = float(np.linalg.norm(spread, axis=1).max()) if law.of_wheels else 1.0
-    gained = flight.disturbance - flight.disturbance[0]
-    # The body's own momentum turns with it: with wheels at rest it is the
-    # whole
-    total = rotate_back(flight.q[row : row + 1], flight.body[row : row + 1])[0]
-    times, span = (
-        flight.times - flight.times[0],
-        float(flight.times[-1] - flight.times[0]),
-    )
-    begun, dumps = -float(times[row]), 0
-    calendar = law.period
-    while dumps < most and begun < LONGEST:
-        momentum = total + gained[row:] - gained[row]
-        momentum_body = rotate(flight.q[row:], momentum) - flight.body[row:] - target
-        fill = (
-            np.abs(momentum_body @ spread.T).max(axis=1)
-            if law.of_wheels
-            else np.linalg.norm(momentum_body, axis=1)
-        )
-        full = fill >= begin
-        if law.period < inf:
-            full |= _is_due(begun + times[row:], calendar, law) & (fill > law.end)
-        if not full.any():
-            if not goes_on:
-                return
-            # skip the repetitions that cannot yet bring the fill to its threshold
-            growth = float(np.linalg.norm(gained[-1])) * most_share
-            steps_free = (
-                (begin - float(fill.max())) / growth
-                if growth > 0.0 and row == 0
-                else 1.0
-            )
-            until = min(LONGEST, calendar)
-            times_on = max(1, int(min(steps_free, (until - begun) / span)))
-            total = momentum[-1] + (times_on - 1) * gained[-1]
-            begun, row = begun + times_on * span, 0
-            if law.period == inf and (
-                not dumps and begun >= 3.0 * span and _stays(flight, law, fill)
-            ):
-                return
-            continue
-        k = _begins(law, momentum_body, fill, times[row:], int(np.argmax(full)))
-        out = _taken(law, momentum_body[k], float(fill[k]), spread, target)
-        if not out.any():
-            return  # less than the shortest pulse
-        inertial = rotate_back(flight.q[row + k : row + k + 1], out[None])[0]
-        total = momentum[k] - inertial
-        row, dumps = row + k, dumps + 1
-        if law.period < inf:
-            calendar = law.period * (1 + (begun + float(times[row])) // law.period)
-        yield begun + float(times[row]), out, inertial
+    course = _Course(flight, hardware, law, part * law.begin, row)
+    for count in range(most):
+        dump = course.next_dump(goes_on, count)
+        if dump is None:
+            return
+        yield dump
 
 
 def _is_due(times: Array, since: float, law: ThresholdLaw) -> Array:
@@ -1274,6 +1393,7 @@ def _taken(
     momentum, to within the pulse that the next samples make up for.
     """
     block = law.block
+    block.end = law.end
     share = 1.0
     if not target.any():
         size = float(np.linalg.norm(momentum_body))

@@ -350,12 +350,15 @@ def describe_width(row: Interval, assumptions: Sequence[AssumptionShare]) -> str
 
 
 def follow(
-    draws: CraftDraws, rates: Callable[[Flight], tuple[float, float]]
+    draws: CraftDraws,
+    rates: Callable[[Flight, float], tuple[float, float]],
+    fills: Array,
 ) -> tuple[Array, Array]:
     """Return what `rates` says of each draw: times between dumps (s) and propellant.
 
-    Without two dumps they are infinite and 0.
+    `fills` (draws,) are its thresholds over those of the craft. Without two dumps times
+    are infinite, and propellant is 0.
     """
     flights = (replace(draws.flight, disturbance=x) for x in draws.impulses)
-    each = np.array([rates(flight) for flight in flights])
+    each = np.array([rates(*pair) for pair in zip(flights, fills, strict=True)])
     return each[:, 0], each[:, 1]

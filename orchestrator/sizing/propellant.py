@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass
 from math import inf
 from typing import Any
 
@@ -40,20 +40,19 @@ def compute_propellant(
     (`least_on_times`).
     """
     size = float(np.linalg.norm(torque))
-    isp = requirements.specific_impulse or hardware.specific_impulse
     cost = thruster_cost(system, hardware, requirements)
-    if cost is None or isp is None:
+    if cost is None:
         return None, None
     if size == 0.0:
         return 0.0, 0.0
-    along, costs = costs_along(flight, torque, cost, isp)
+    along, costs = costs_along(flight, torque, cost)
     full = np.abs(along @ hardware.spread().T).max(axis=1)
     at_begin = float(costs[full >= (1.0 - 1e-3) * full.max()].mean())
     return size * YEAR * at_begin, size * YEAR * float(costs.min())
 
 
 def costs_along(
-    flight: Flight, torque: Array, cost: Callable[[Array], float], isp: float
+    flight: Flight, torque: Array, cost: ThrusterCost
 ) -> tuple[Array, Array]:
     """Compute the cost of 1 N m s along a torque at DUMP_ATTITUDES of a flight.
 
@@ -62,37 +61,84 @@ def costs_along(
     """
     q = flight.q[:: max(1, len(flight.q) // DUMP_ATTITUDES)]
     along = rotate(q, np.broadcast_to(torque / np.linalg.norm(torque), (len(q), 3)))
-    return along, np.array([cost(u) for u in along]) / (isp * GRAVITY)
+    return along, np.array([cost.propellant(u) for u in along])
+
+
+@dataclass(frozen=True)
+class ThrusterCost:
+    """What thrusters take for an angular impulse (3,) N m s, body."""
+
+    torques: Array  # (nozzles, 3) N m
+    forces: Array  # (nozzles, 3) N
+    thrust: Array  # (nozzles,) N
+    is_paired: bool  # each torque both ways, about an axis of the body
+    isp: float  # s
+    # N m s of a sample, s of the shortest pulse and of its flow without thrust
+    sample_impulse: float = inf
+    least_pulse: float = inf
+    pulse_loss: float = 0.0
+
+    def on_times(self, u: Array) -> Array:
+        """Return the least on-times (nozzles,) s; inf where they cannot give it."""
+        if self.is_paired:
+            return np.abs(u) / self.torques.diagonal()
+        x, y, z = u.tolist()
+        torques = tuple(map(tuple, self.torques.tolist()))
+        times = np.array(least_on_times(torques, (x, y, z), 1e9))
+        is_given = np.linalg.norm(u - times @ self.torques) < 1e-3
+        return times if is_given else np.full(len(times), inf)
+
+    def impulse(self, u: Array) -> float:
+        """Return the impulse of force (N s), inf where they cannot give it."""
+        return float(self.on_times(u) @ self.thrust)
+
+    def net_impulse(self, u: Array) -> float:
+        """Return the size of the impulse that the craft as a whole is left with (N s)."""
+        return float(np.linalg.norm(self.on_times(u) @ self.forces))
+
+    def propellant(self, u: Array) -> float:
+        """Return the propellant (kg), with what flows at the ends of pulses."""
+        times = self.on_times(u)
+        taken = float(times @ self.thrust)
+        if self.pulse_loss > 0.0 and taken < inf:
+            samples = np.linalg.norm(u) / self.sample_impulse
+            pulses = np.minimum(samples, times / self.least_pulse)
+            taken += self.pulse_loss * float(pulses @ self.thrust)
+        return taken / (self.isp * GRAVITY)
 
 
 def thruster_cost(
     system: System, hardware: Hardware, requirements: SizingRequirements
-) -> Callable[[Array], float] | None:
-    """Return the function for the impulse of force (N s) per angular impulse.
+) -> ThrusterCost | None:
+    """Return what thrusters take; None where arm and nozzles, or I_sp, are unknown.
 
-    Its argument is an angular impulse (3,) N m s, body. None where arm and nozzles are
-    unknown.
+    With an arm that is required in place of the craft's, pulses lose nothing.
     """
-    arm = requirements.arm or hardware.arm
-    if arm is not None:
-        return lambda u: float(np.abs(u).sum()) / arm
-    thrusters = values_of(system).get("thrusters", {})
+    isp = requirements.specific_impulse or hardware.specific_impulse
+    if isp is None:
+        return None
+    thrusters, manager = (
+        values_of(system).get(x, {}) for x in ("thrusters", "manager")
+    )
+    losses: dict[str, float] = {}
+    if "torque" in manager and thrusters.get("pulse_loss", 0.0) > 0.0:
+        losses = {
+            "sample_impulse": manager["torque"] * manager["sample_time"],
+            "least_pulse": thrusters["least_pulse"],
+            "pulse_loss": thrusters["pulse_loss"],
+        }
+    none = np.zeros((3, 3))
+    if requirements.arm or (hardware.arm and "tau_level" not in thrusters):
+        arm = requirements.arm or hardware.arm
+        assert arm is not None
+        return ThrusterCost(np.eye(3), none, np.full(3, 1.0 / arm), True, isp)
+    if hardware.arm is not None:
+        level = np.array(thrusters["tau_level"], float)
+        pairs = np.diag(level)
+        return ThrusterCost(pairs, none, level / hardware.arm, True, isp, **losses)
     if "position_nozzle" not in thrusters:
         return None
     thrust = np.array(thrusters["thrust"], float)
     forces = np.reshape(thrusters["direction_nozzle"], (-1, 3)) * thrust[:, None]
     torques = np.cross(np.reshape(thrusters["position_nozzle"], (-1, 3)), forces)
-
-    def cost(u: Array) -> float:
-        """Return the impulse of force (N s) of nozzles for a momentum.
-
-        It is inf where they cannot give it.
-        """
-        x, y, z = u.tolist()
-        times = least_on_times(tuple(map(tuple, torques.tolist())), (x, y, z), 1e9)
-        remaining = u - np.array(times) @ torques
-        return (
-            float(np.array(times) @ thrust) if np.linalg.norm(remaining) < 1e-3 else inf
-        )
-
-    return cost
+    return ThrusterCost(torques, forces, thrust, False, isp, **losses)

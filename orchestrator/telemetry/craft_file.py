@@ -51,10 +51,16 @@ def write_fit(file: Path, fit: Fit, source: str) -> Path:
     Raises
     ------
     DesatError
-        If the file cannot be changed without changing more than that; it is as it was.
+        If the file has a fit of that log already, or cannot be changed without changing
+        more than that; it is as it was.
     """
     place = paths.shown(file)
     before = io.text(file, place)
+    if re.search(rf"# fit of {re.escape(source)}, 90 %", before):
+        raise DesatError(
+            f"{place}: it has a fit of {source} already, which would count twice: "
+            f"{file.name}{BACKUP} is the file before"
+        )
     data = io.parsed(before, place)
     after = before
     for parameter in fit.parameters.values():

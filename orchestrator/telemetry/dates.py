@@ -7,10 +7,12 @@ which `desat size` has dumps as often as they were. Its direction stays.
 
 from __future__ import annotations
 
-from math import inf
+from math import hypot, inf, log
 
 import numpy as np
 
+from ..campaign.sampling import NINETY
+from ..language.content import dispersions_of
 from ..sizing.dumps import size
 from ..sizing.requirements import SizingRequirements
 from ..system.errors import DesatError
@@ -25,14 +27,14 @@ TRIES, CLOSE = 12, 1e-3
 FEWEST = 3  # dates
 
 
-def fit_dates(system: System, target: str, log: Log, options: Options) -> Fit:
+def fit_dates(system: System, target: str, dates: Log, options: Options) -> Fit:
     """Fit the size of the offset of the centre of pressure to dates of dumps.
 
     Parameters
     ----------
     system, target, options
         The craft, which dumps by thrusters, and how it is read.
-    log
+    dates
         A row for each dump.
 
     Raises
@@ -40,10 +42,10 @@ def fit_dates(system: System, target: str, log: Log, options: Options) -> Fit:
     DesatError
         If there are too few dates, or no offset has dumps as often.
     """
-    gaps = np.diff(log.times)
-    if len(log.times) < FEWEST:
+    gaps = np.diff(dates.times)
+    if len(dates.times) < FEWEST:
         raise DesatError(
-            f"{log.place}: {len(log.times)} dates of dumps; at least {FEWEST} are needed"
+            f"{dates.place}: {len(dates.times)} dates of dumps; at least {FEWEST} are needed"
         )
     mean_gap = float(gaps.mean())
     before = np.array(system.components["spacecraft"].values[OFFSET], float)
@@ -65,11 +67,13 @@ def fit_dates(system: System, target: str, log: Log, options: Options) -> Fit:
             break
     if abs(there / mean_gap - 1.0) > MODEL_ERROR:
         raise DesatError(
-            f"{log.place}: a dump each {mean_gap / 86400.0:.4g} d: no offset of the centre of "
+            f"{dates.place}: a dump each {mean_gap / 86400.0:.4g} d: no offset of the centre of "
             f"pressure explains it; as it is described a dump comes each "
             f"{interval(1.0) / 86400.0:.4g} d"
         )
     scatter = float(gaps.std(ddof=1)) / mean_gap / np.sqrt(len(gaps))
+    wheels = dispersions_of(system).get("wheels.speed_limit")
+    capacity = log(wheels.factor) / NINETY if wheels and wheels.factor else 0.0
     value = factor * before
     parameter = ParameterFit(
         OFFSET,
@@ -77,7 +81,7 @@ def fit_dates(system: System, target: str, log: Log, options: Options) -> Fit:
         before,
         np.abs(before),
         value,
-        np.hypot(scatter, MODEL_ERROR) * np.abs(value),
+        hypot(scatter, MODEL_ERROR, capacity) * np.abs(value),
         value != 0.0,
     )
     return Fit(
@@ -88,6 +92,7 @@ def fit_dates(system: System, target: str, log: Log, options: Options) -> Fit:
         float(len(gaps)),
         [
             f"{len(gaps)} intervals between dumps, {mean_gap / 86400.0:.4g} d in the mean",
-            "areas and reflection are in it: their line in [dispersions] may go",
+            "areas and reflection are in it, and the wheels' capacity: their lines in "
+            "[dispersions] may go",
         ],
     )

@@ -51,3 +51,21 @@ def test_an_empty_tank_fires_nothing() -> None:
     assert jets.propellant == 3e-3
     assert jets.propellant_left == 0.0
     assert jets.on_time == pytest.approx(3e-3 * 100.0 * 9.80665, rel=1e-12)
+
+
+@pytest.mark.parametrize("step", [1.0, 0.25])
+@pytest.mark.parametrize("name", ["thrusters", "thrusters_nozzles", "thrusters_valves"])
+def test_each_pulse_takes_its_loss_once(name: str, step: float) -> None:
+    """A pulse of t takes the propellant of t + loss, whatever the step is."""
+    values = {"sample_time": 1.0, "least_pulse": 0.01, "specific_impulse": 100.0}
+    taken = []
+    for loss in (0.0, 0.02):
+        jets = started(name, pulse_loss=loss, placement=1, **values)
+        jets.tau_cmd_thruster_body = (0.01, 0.0, 0.0)
+        for k in range(round(10.0 / step)):
+            jets.advance(step * k, step)
+        jets.output(10.0)
+        taken.append((jets.propellant, jets.on_time))
+    (without, on_time), (with_loss, same) = taken
+    assert same == on_time
+    assert with_loss / without == pytest.approx((on_time + 10 * 0.02) / on_time)

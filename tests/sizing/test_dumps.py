@@ -126,9 +126,60 @@ def test_a_dump_by_the_calendar_begins_at_its_multiples():
     assert fly(early, [1.0, 0.0, 0.0], 1)[0][1] == 1, "at its threshold at once"
 
 
-@pytest.mark.parametrize("dump", ["thrusters every 1d", "thrusters 12Nms:0"])
+CONTACTS = "begin [h],end [min]\n2,150\n14,900\n"
+
+
+def times_of(windows, **values):
+    """Return a law with windows (s), from which its table follows."""
+    table = [x for row in windows for x in row]
+    return law(windows=tuple(table + [0.0] * (64 - len(table))), **values)
+
+
+def test_a_dump_waits_for_its_window_and_goes_on_in_the_next():
+    """0.8 N m s take 80 samples of 10 s; a window has 30."""
+    block = times_of([(500.0, 800.0), (2000.0, 9000.0)], torque=1e-3)
+    rows = fly(block, [1.0, 0.0, 0.0], 400)
+    modes = [mode for _, mode, _ in rows]
+    assert modes[:50] == [2] * 50
+    assert modes[50:80] == [1] * 30
+    assert set(modes[80:200]) == {2}
+    assert modes[200:250] == [1] * 50
+    assert block.dumps == 2
+    assert all(not n.any() for _, mode, n in rows if mode != 1)
+
+
+def test_windows_repeat_and_open_when_they_say():
+    block = times_of([(100.0, 200.0), (300.0, 400.0)], windows_period=1000.0)
+    inside = [t for t in range(0, 3000, 50) if block.is_open(float(t))]
+    assert inside == [b + x for b in (0, 1000, 2000) for x in (100, 150, 300, 350)]
+    for t in np.linspace(0.0, 2999.0, 200):
+        opens = block.next_open(float(t))
+        assert opens >= t
+        assert block.is_open(opens)
+        assert opens == t or not block.is_open(0.5 * (t + opens))
+    once = times_of([(100.0, 200.0)])
+    assert once.next_open(200.0) == np.inf
+    lines = list(once.foresee(0.0, 300.0, frozenset({"tau_cmd_thruster_body"})))
+    assert lines == [
+        "windows: the last ends at 200 s, the run at 300 s: no dump is after it"
+    ]
+
+
+@pytest.mark.parametrize(
+    "dump",
+    [
+        "thrusters every 1d",
+        "thrusters 12Nms:0",
+        "thrusters 70:10 within FILE each 1d",
+        "thrusters 70:10 outside FILE each 18h",
+        "thrusters every 2d within FILE each 1d",
+    ],
+)
 def test_dumps_by_calendar_and_momentum_are_sized_as_they_fly(tmp_path, dump):
-    write(tmp_path / "mine", replace(GEO, dump=dump), "")
+    (tmp_path / "contacts.csv").write_text(CONTACTS)
+    wheels = "4 pyramid 20Nms" if "FILE" in dump else GEO.wheels
+    dump = dump.replace("FILE", str(tmp_path / "contacts.csv"))
+    write(tmp_path / "mine", replace(GEO, dump=dump, wheels=wheels), "")
     sizing = size_dumps(
         str(tmp_path / "mine"),
         Options(stop=12.0 * 86400.0),
@@ -138,8 +189,61 @@ def test_dumps_by_calendar_and_momentum_are_sized_as_they_fly(tmp_path, dump):
     assert sizing.loop["dump_momentum"] == pytest.approx(
         sizing.steady.momentum, rel=0.05
     )
-    if "every" in dump:
+    assert sizing.loop["dump_propellant"] == pytest.approx(
+        sizing.steady.propellant, rel=0.05
+    )
+    if "every 1d" in dump:
         assert sizing.steady.a_week == pytest.approx(7.0, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("begin,end\n5,5\n", "it is empty"),
+        ("begin,end\n5,9\n7,12\n", "before the last one ends"),
+        ("begin [kg],end [s]\n5,9\n", "kg"),
+        ("begin,end\n" + "".join(f"{k},{k}.5\n" for k in range(1, 40)), "32 are taken"),
+        ("begin,end\n5,9e4\n", "the last window ends at 90000 s"),
+        ("", "there is no row"),
+    ],
+)
+def test_windows_that_are_none_are_refused(tmp_path, text, message):
+    (tmp_path / "w.csv").write_text(text)
+    dump = f"thrusters 70:10 within {tmp_path / 'w.csv'} each 1d"
+    with pytest.raises(DesatError, match=message):
+        write(tmp_path / "mine", replace(GEO, dump=dump), "")
+    assert not (tmp_path / "mine").exists()
+
+
+def test_thrusters_hold_the_attitude_in_a_dump(tmp_path):
+    """They give the controller's torque as well; the wheels the dumping torque alone."""
+    block = law(attitude_by=1)
+    block.tau_ctrl_body, block.h_wheel = (1e-3, 0.0, 2e-3), (1.0, 0.0, 0.0, 0.0)
+    block.advance(0.0, 10.0)
+    assert block.tau_cmd_thruster_body == pytest.approx((-9e-3, 0.0, 2e-3))
+    others = law()
+    others.h_wheel = block.h_wheel
+    others.advance(0.0, 10.0)
+    assert block.tau_cmd_wheel == others.tau_cmd_wheel
+    write(tmp_path / "mine", replace(GEO, wheels="4 pyramid 15Nms"), "")
+    options = Options(stop=12.0 * 86400.0, values={"manager.attitude_by": "thrusters"})
+    sizing = size_dumps(str(tmp_path / "mine"), options, SizingRequirements(year=False))
+    assert sizing.loop["dump_propellant"] == pytest.approx(
+        sizing.steady.propellant, rel=0.05
+    )
+    assert sizing.loop["pointing_largest"] < 0.5
+
+
+def test_wheels_that_are_not_known_widen_the_time_between_dumps(tmp_path):
+    ratios = []
+    for wheels in ("4 pyramid 50Nms", "4 pyramid 50Nms +-80%", None):
+        folder = tmp_path / str(len(ratios))
+        write(folder, replace(GEO, wheels=wheels, dump="thrusters 70:10"), "")
+        rows = size_dumps(
+            str(folder), Options(), SizingRequirements(year=False, flown=False)
+        ).intervals
+        ratios.append(rows[1].high / rows[1].low)
+    assert ratios[0] < 2.0 < 2.5 < ratios[1] < ratios[2]
 
 
 def test_an_aligned_dump_waits_for_its_attitude_but_not_for_ever():
@@ -307,6 +411,12 @@ def test_a_large_programme_ends_with_a_signal(monkeypatch):
         ({"end": 1.0}, "end = 1.0 N m s is not below begin"),
         ({"latest": 0.9}, "latest = 0.9 N m s is not above begin"),
         ({"aligned": 0.5}, "is never below 1"),
+        ({"windows": (5.0, 4.0) + (0.0,) * 62}, "row 1, 5.0 to 4.0 s"),
+        ({"windows": (1.0, 4.0, 3.0, 5.0) + (0.0,) * 60}, "row 2, 3.0 to 5.0 s"),
+        (
+            {"windows": (1.0, 4.0) + (0.0,) * 62, "windows_period": 3.0},
+            "the last ends at 4.0 s",
+        ),
     ],
 )
 def test_thresholds_that_mean_nothing_are_refused(values, text):

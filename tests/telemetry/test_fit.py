@@ -9,6 +9,7 @@ import tomllib
 import numpy as np
 import pytest
 
+import desat as desat_package
 from desat.begin.craft import write
 from desat.begin.facts import CraftFacts
 from desat.campaign.sampling import NINETY
@@ -193,8 +194,16 @@ def test_a_fit_goes_into_the_craft_file_and_narrows_its_sizing(
     assert width[1:] == pytest.approx(NINETY * offset.deviation[1:], rel=1e-2)
     assert width_of(own_craft) < 0.5 * wide
     assert prepare(str(own_craft), Options()).or_raise()[0] is not None
-    desat("fit", str(own_craft), str(file), check=True)
-    assert (own_craft / "craft.toml").read_text().count("fit of log.csv") == 4
+    again = desat("fit", str(own_craft), str(file))
+    assert again.returncode == 2
+    assert "it has a fit of log.csv already" in again.stderr
+    assert (own_craft / "craft.toml").read_text() == after
+    with pytest.raises(DesatError, match="a fit of log"):
+        desat_package.fit(own_craft, file, write=True)
+    other = file.with_name("second.csv")
+    other.write_bytes(file.read_bytes())
+    desat_package.fit(own_craft, other, write=True)
+    assert (own_craft / "craft.toml").read_text().count("fit of second.csv") == 4
 
 
 SOME = """[components]   # what it has

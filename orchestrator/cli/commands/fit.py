@@ -55,22 +55,14 @@ def fit(
     printed, and stays.
     """
     from ...files.paths import shown
-    from ...runs.prepare import prepare
-    from ...sizing.dumps import applies
     from ...telemetry import craft_file
-    from ...telemetry.dates import fit_dates
-    from ...telemetry.fit import fit as fit_log
-    from ...telemetry.log import origin_of, read_log
     from ...telemetry.tables import describe_fit, fit_as_json, tabulate_fit
+    from ...telemetry.target import fit_target
 
     file = None if dry_run else craft_file.craft_file_of(target)
     options = o.options_of(sets, None, None, "gauss_seidel", False)
-    system, _ = prepare(target, options).or_raise()
-    rows = read_log(log, origin_of(system.parameters), scalar_first)
-    if rows.is_of_dates and applies(system):
-        result = fit_dates(system, target, rows, options)
-    else:
-        result = fit_log(system, rows, (field_error, attitude_error))
+    errors = field_error, attitude_error
+    result = fit_target(target, options, log, scalar_first, errors)
     backup = None
     if file is not None:
         backup = craft_file.write_fit(file, result, log.name)

@@ -83,7 +83,9 @@ def craft(
         typer.Option(
             help='Between shares (%) of a wheel: "thrusters 70:10", "coils 70:10", or momenta: '
             '"thrusters 1.8Nms:0"; "thrusters 70:10 aligned": each waits for its cheapest '
-            'attitude; by the calendar: "thrusters every 7d".'
+            'attitude; by the calendar: "thrusters every 7d". Only at contacts, or never in an '
+            'observation: "thrusters 70:10 within FILE.csv each 1d", "outside FILE.csv", of '
+            "begin and end (s, or as the heading says)."
         ),
     ] = None,
     panel: Annotated[
