@@ -169,8 +169,8 @@ class PulsedThrusters(Thrusters):
         exhaust = STANDARD_GRAVITY * self.specific_impulse
         used = 0.0
         for begin, end, _, jet in self._pulses:
-            lost = self._lost(begin, t, dt)
-            used += (window(begin, end, t, dt)[0] * dt + lost) * jet[2] / exhaust
+            flow = window(begin, end, t, dt)[0] * dt + self._loss(begin, t, dt)
+            used += flow * jet[2] / exhaust
         remaining = self.propellant_limit() - self._propellant
         share = max(0.0, remaining) / used if used > remaining else 1.0
         for begin, end, i, (torque, push, thrust) in self._pulses:
@@ -179,13 +179,13 @@ class PulsedThrusters(Thrusters):
                 mean, slope, force, (torque, push, thrust), begin, end, t, dt
             )
             self._on_time += seconds
-            lost = share * self._lost(begin, t, dt)
-            self._propellant += (seconds + lost) * thrust / exhaust
+            flow = seconds + share * self._loss(begin, t, dt)
+            self._propellant += flow * thrust / exhaust
             self.record_firing(i, seconds)
         if share < 1.0:
             self._propellant = self.propellant_limit()
 
-    def _lost(self, begin: float, t: float, dt: float) -> float:
+    def _loss(self, begin: float, t: float, dt: float) -> float:
         """Return the time (s) of flow without thrust of a pulse that begins in this step."""
         return self.pulse_loss if t <= begin < t + dt else 0.0
 

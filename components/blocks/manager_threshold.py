@@ -251,24 +251,7 @@ class ManagerThreshold(MomentumDumping):
         """
         size = norm(h)
         fill = max(abs(x) for x in self.h_wheel) if self.fill == WHEELS else size
-        due = fill >= self.begin
-        if self.period > 0.0 and self._next <= elapsed_time:
-            due = due or fill > self.end
-            while self._next <= elapsed_time:
-                self._next += self.period
-        if self.mode == IDLE and due:
-            self.mode, self._since = WAITING, t
-        is_open = self.is_open(t)
-        if self.mode == DUMPING and not is_open:
-            self.mode, self._since = WAITING, t
-        if self.mode == WAITING and is_open and self._goes(t, h, size, fill):
-            self.mode, self._last, self._rest = DUMPING, 0, ZERO
-            self._dumped_before, self._dump_impulse = self.dumped, ZERO
-            self.dumps += 1
-        if self.mode == DUMPING and (
-            self._last >= SAMPLES or fill <= self.end or size == 0.0
-        ):
-            self.mode = IDLE
+        self._choose_mode(t, elapsed_time, h, size, fill)
         if self.mode != DUMPING:
             return ZERO, (ZERO, ZERO)
         self.dumping_time += self.sample_time
@@ -288,6 +271,29 @@ class ManagerThreshold(MomentumDumping):
         n = cross(m, self.b_body)
         self._count(n)
         return n, (m, ZERO)
+
+    def _choose_mode(
+        self, t: float, elapsed_time: float, h: Vec3, size: float, fill: float
+    ) -> None:
+        """Set `mode` at a sample: a dump is due, waits, begins, is cut off or ends."""
+        due = fill >= self.begin
+        if self.period > 0.0 and self._next <= elapsed_time:
+            due = due or fill > self.end
+            while self._next <= elapsed_time:
+                self._next += self.period
+        if self.mode == IDLE and due:
+            self.mode, self._since = WAITING, t
+        is_open = self.is_open(t)
+        if self.mode == DUMPING and not is_open:
+            self.mode, self._since = WAITING, t
+        if self.mode == WAITING and is_open and self._goes(t, h, size, fill):
+            self.mode, self._last, self._rest = DUMPING, 0, ZERO
+            self._dumped_before, self._dump_impulse = self.dumped, ZERO
+            self.dumps += 1
+        if self.mode == DUMPING and (
+            self._last >= SAMPLES or fill <= self.end or size == 0.0
+        ):
+            self.mode = IDLE
 
     def control_by_wheels(self) -> Vec3:
         """Return the controller's torque (N m, body) where no thrusters give it."""

@@ -161,12 +161,11 @@ class ThrustersValves(ThrustersNozzles):
                     i, levels[i], pressure, t, dt
                 )
                 shares[2 * i], shares[2 * i + 1] = a, b
-                lost = 0.0
+                flow = dt * a
                 for begin, _, nozzle, _ in self._pulses:
                     if nozzle == i and open_time[i] > 0.0:
-                        lost += self._lost(begin, t, dt)
-                exhaust = STANDARD_GRAVITY * self.specific_impulse
-                used += (dt * a + lost) * thrust / exhaust
+                        flow += self._loss(begin, t, dt)
+                used += flow * thrust / (STANDARD_GRAVITY * self.specific_impulse)
         remaining = self.tank - self._propellant
         share = remaining / used if self.tank > 0.0 and used > remaining else 1.0
         for i in range(NOZZLES):

@@ -268,6 +268,18 @@ def write(
     )
 
 
+def _assumptions_of_dumps(dump: NewDumps) -> Iterator[Assumption]:
+    """Yield the figures of dumps."""
+    yield Assumption(
+        "a dump begins, ends", f"{dump.begin}, {dump.end}", "N m s", "given: --dump"
+    )
+    if dump.spread:
+        yield Assumption(
+            "spread of a wheel", dump.spread.strip("{ }"), "90 %", dump.spread_why
+        )
+    yield Assumption("torque of a dump", dump.torque, "N m", dump.origin)
+
+
 def _assumptions_of_thrusters(
     thrusters: Mapping[str, str] | None,
 ) -> Iterator[Assumption]:
@@ -357,15 +369,8 @@ def _assumptions(facts: CraftFacts, values: Mapping[str, Any]) -> Iterator[Assum
     yield from _assumptions_of_thrusters(values["thrusters"])
     if values["rods"] and values["thrusters"]:
         yield _removing_actuator(values["dump"])
-    if dump := values["dump"]:
-        yield Assumption(
-            "a dump begins, ends", f"{dump.begin}, {dump.end}", "N m s", "given: --dump"
-        )
-        if dump.spread:
-            yield Assumption(
-                "spread of a wheel", dump.spread.strip("{ }"), "90 %", dump.spread_why
-            )
-        yield Assumption("torque of a dump", dump.torque, "N m", dump.origin)
+    if values["dump"]:
+        yield from _assumptions_of_dumps(values["dump"])
     yield Assumption(
         "sample time and step", f"{values['step']:g}", "s", values["step_why"]
     )

@@ -30,7 +30,7 @@ class Windows:
 
 
 def windows_of(text: str) -> tuple[str, Windows | None]:
-    """Split the windows of dumps from what stands before, as `... within contacts.csv`.
+    """Split the windows of dumps, as within contacts.csv, from what stands before.
 
     `outside` takes what lies between the windows; `each 7d` repeats them.
 

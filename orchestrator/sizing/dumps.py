@@ -656,10 +656,10 @@ def _intervals(
 
         `fill` scales all thresholds.
         """
-        scaled = law.at_fill(fill)
-        course = list(_course(of, hardware, scaled, 1.0, 0, False, 10 * MANY))
+        at_fill = law.at_fill(fill)
+        course = list(_course(of, hardware, at_fill, 1.0, 0, False, 10 * MANY))
         if len(course) < FEW:
-            course = list(_course(of, hardware, scaled, 1.0, 0, True, FEW))
+            course = list(_course(of, hardware, at_fill, 1.0, 0, True, FEW))
         if len(course) < 2:
             return inf, 0.0
         between = (course[-1].time - course[0].time) / (len(course) - 1)

@@ -99,12 +99,12 @@ class ThrusterCost:
     def propellant(self, u: Array) -> float:
         """Return the propellant (kg), with what flows at the ends of pulses."""
         times = self.on_times(u)
-        taken = float(times @ self.thrust)
-        if self.pulse_loss > 0.0 and taken < inf:
+        force = float(times @ self.thrust)  # N s, that of the flow
+        if self.pulse_loss > 0.0 and force < inf:
             samples = np.linalg.norm(u) / self.sample_impulse
             pulses = np.minimum(samples, times / self.least_pulse)
-            taken += self.pulse_loss * float(pulses @ self.thrust)
-        return taken / (self.isp * GRAVITY)
+            force += self.pulse_loss * float(pulses @ self.thrust)
+        return force / (self.isp * GRAVITY)
 
 
 def thruster_cost(

@@ -598,6 +598,8 @@ def _fingerprint(system: Any) -> str:
         wanted_attitude,
     )
     from desat.sizing.dumps import LAW
+    from desat.sizing.propellant import thruster_cost
+    from desat.sizing.requirements import SizingRequirements
 
     times = system.start + np.array([0.0, 500.0, 9000.0, 40000.0])
     inputs = inputs_at(
@@ -607,8 +609,10 @@ def _fingerprint(system: Any) -> str:
     manager = system.components["manager"]
     law = manager.values if manager.interface.model == LAW else {}
     tank = system.components["thrusters"].values["tank"]
+    hardware = hardware_of(system)
     seen = (
-        hardware_of(system),
+        hardware,
+        thruster_cost(system, hardware, SizingRequirements()),
         dict(law),
         tank,
         flight.q,

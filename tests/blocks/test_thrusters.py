@@ -58,14 +58,14 @@ def test_an_empty_tank_fires_nothing() -> None:
 def test_each_pulse_takes_its_loss_once(name: str, step: float) -> None:
     """A pulse of t takes the propellant of t + loss, whatever the step is."""
     values = {"sample_time": 1.0, "least_pulse": 0.01, "specific_impulse": 100.0}
-    taken = []
+    amounts = []
     for loss in (0.0, 0.02):
         jets = started(name, pulse_loss=loss, placement=1, **values)
         jets.tau_cmd_thruster_body = (0.01, 0.0, 0.0)
         for k in range(round(10.0 / step)):
             jets.advance(step * k, step)
         jets.output(10.0)
-        taken.append((jets.propellant, jets.on_time))
-    (without, on_time), (with_loss, same) = taken
+        amounts.append((jets.propellant, jets.on_time))
+    (without, on_time), (with_loss, same) = amounts
     assert same == on_time
     assert with_loss / without == pytest.approx((on_time + 10 * 0.02) / on_time)
