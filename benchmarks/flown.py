@@ -34,7 +34,7 @@ MISSIONS, TEXT, STORED = (
     HERE / name for name in ("flown.toml", "flown.md", "flown.json")
 )
 PAGE = HERE.parent / "docs" / "flown.md"
-DAY, GRAVITY = 86400.0, 9.80665
+DAY = 86400.0
 # quantity -> its title, unit, and the factor to it from what `desat size` gives
 INTERVALS = {
     "interval": ("Time between dumps", "d", 1.0 / DAY),
@@ -105,15 +105,17 @@ def predict(entry: Mapping[str, Any]) -> Prediction:
             return _dipole(craft)
         if quantity == "rate after 60 s":
             return _rate(craft, entry["start"])
-        rows = _sizes(craft)
+        sizes = _sizes(craft)
+        rows = _intervals_of(sizes)
         if quantity == "net velocity":
-            row = rows["Propellant of a dump"]
-            per_kg = entry["isp"] * GRAVITY / entry["mass"]
+            row, dump = rows["Propellant of a dump"], sizes["steady"]
+            per_kg = dump["impulse"] / dump["propellant"] / entry["mass"]
             return Prediction(*(per_kg * x for x in (row.value, row.low, row.high)))
         if quantity == "ratio of dumps":
             other = f"{folder}/beside"
             desat("new", "craft", other, *shlex.split(entry["beside"]))
-            one, two = rows["Time between dumps"], _sizes(other)["Time between dumps"]
+            one = rows["Time between dumps"]
+            two = _intervals_of(_sizes(other))["Time between dumps"]
             return Prediction(
                 two.value / one.value, two.low / one.value, two.high / one.value
             )
@@ -122,9 +124,14 @@ def predict(entry: Mapping[str, Any]) -> Prediction:
         return Prediction(*(factor * x for x in (row.value, row.low, row.high)))
 
 
-def _sizes(craft: str) -> dict[str, Prediction]:
-    """Return the intervals of a craft's sizes by their titles."""
-    sizes = json.loads(desat("size", craft, "--no-loop", "--json"))
+def _sizes(craft: str) -> dict[str, Any]:
+    """Return the sizes of a craft."""
+    sizes: dict[str, Any] = json.loads(desat("size", craft, "--no-loop", "--json"))
+    return sizes
+
+
+def _intervals_of(sizes: Mapping[str, Any]) -> dict[str, Prediction]:
+    """Return the intervals of sizes by their titles."""
     return {
         title: Prediction(*(math.inf if x is None else x for x in values))
         for title, _, *values in sizes["intervals"]

@@ -1251,7 +1251,7 @@ class Dump(NamedTuple):
     fill: float  # N m s, where it begins
 
 
-class _Course:
+class _WheelCourse:
     """Wheels along a flight, at rest at a row of it, and when a dump is due."""
 
     def __init__(
@@ -1369,7 +1369,7 @@ def _course(
     `part` scales the threshold at which dumps begin. If `goes_on`, the flight is
     repeated until there are as many; otherwise it ends.
     """
-    course = _Course(flight, hardware, law, part * law.begin, row)
+    course = _WheelCourse(flight, hardware, law, part * law.begin, row)
     for count in range(most):
         dump = course.next_dump(goes_on, count)
         if dump is None:
