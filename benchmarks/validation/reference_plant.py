@@ -356,7 +356,7 @@ class Plant:
             held = tuple(
                 -j if p else 0.0 for p, j in zip(pinned, self.spin, strict=True)
             )
-            turning = carrier_inertia(self.carrier, self.axes, held)  # type: ignore[arg-type]
+            turning = carrier_inertia(self.carrier, self.axes, held)
             self._inverse[pinned] = vector.inverse(turning)
         return self._inverse[pinned]
 

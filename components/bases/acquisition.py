@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator
 
-from ..contract.block import SPIN, TURN, Mat34, Output, Parameter, Table, Vec3
+from ..contract.block import SPIN, TURN, Output, Parameter, Table, Vec3, WheelColumns
 from ..contract.roles import Manager, WheelAxes
 from ..laws import field_rate
 from ..laws.acquisition import PITCH_BIAS, within
@@ -67,7 +67,7 @@ class Acquisition(Manager, WheelAxes):
         start=1.0,
         min=0.0,
     )
-    axes_wheel: Mat34 = Parameter(
+    axes_wheel: WheelColumns = Parameter(
         "1",
         "columns: the wheels' axes, body; one along +y or -y, the others zero",
         start=(0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
@@ -186,7 +186,7 @@ class Acquisition(Manager, WheelAxes):
         self._b: Vec3 | None = None
         self._b_rate: Vec3 | None = None
         self._b_time = 0.0
-        self.tau_cmd_wheel = (0.0, 0.0, 0.0, 0.0)
+        self.tau_cmd_wheel = (0.0,) * len(self.h_wheel)
         self.m_cmd_body = self.tau_cmd_thruster_body = ZERO
         self.coil_saturated = False
         self.mode = IDLE
@@ -217,13 +217,14 @@ class Acquisition(Manager, WheelAxes):
                 "5 s detumbling by the wheel takes three times as long, at 10 s it never "
                 "converges; experiment = true accepts it"
             )
-        present = tuple(i for i in range(4) if any(self.axes_wheel[i::4]))
+        count = len(self.h_wheel)
+        present = tuple(i for i in range(count) if any(self.axes_wheel[i::count]))
         if len(present) != 1:
             self.fail(
                 f"axes_wheel has {len(present)} wheels; one along +y or -y is needed"
             )
         self._wheel = present[0]
-        axis = self.axes_wheel[self._wheel :: 4]
+        axis = self.axes_wheel[self._wheel :: count]
         if axis not in ((0.0, 1.0, 0.0), (0.0, -1.0, 0.0)):
             self.fail(f"axes_wheel: the wheel's axis {axis} is not along +y or -y")
         self._along = -axis[1]  # +1: the wheel's momentum counts as h does
@@ -426,10 +427,6 @@ class Acquisition(Manager, WheelAxes):
         if self.valid_h and abs(self.h()) >= self.h_limit and torque * self.h() > 0.0:
             torque = 0.0
         u = self._along * torque
-        w = self._wheel
-        self.tau_cmd_wheel = (
-            u if w == 0 else 0.0,
-            u if w == 1 else 0.0,
-            u if w == 2 else 0.0,
-            u if w == 3 else 0.0,
+        self.tau_cmd_wheel = tuple(
+            u if i == self._wheel else 0.0 for i in range(len(self.h_wheel))
         )

@@ -44,7 +44,7 @@ class Boom(Manager, WheelAxes):
         super().start()
         self._to_wheels = pseudo_inverse(self.axes_wheel)
         self._a, self._rate = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), ZERO
-        self.tau_cmd_wheel = (0.0, 0.0, 0.0, 0.0)
+        self.tau_cmd_wheel = (0.0,) * len(self.h_wheel)
         self.m_cmd_body = self.tau_cmd_thruster_body = ZERO
         self.reason = NOTHING
 

@@ -7,16 +7,15 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-from ..contract.block import Output, Parameter, Vec3, Vec4
+from ..contract.block import Output, Parameter, Vec3
 from ..contract.fitting import Need
 from ..contract.roles import WheelManager
 from ..laws.blending import Split
 from ..maths.vector import ZERO, clip, cross, sub
-from ..physics.wheel_array import body_momentum, pseudo_inverse, to_wheels, wheel_torque
+from ..physics.wheel_array import body_momentum, null_part, pseudo_inverse, wheel_torque
 
 IDLE, DUMPING, RECEDING_HORIZON, FALLBACK = range(4)
 NO_AXIS = 0
-NO_MOMENTUM: Vec4 = (0.0, 0.0, 0.0, 0.0)
 
 
 class MomentumDumping(WheelManager):
@@ -66,7 +65,8 @@ class MomentumDumping(WheelManager):
         super().start()
         self._to_wheels = pseudo_inverse(self.axes_wheel)
         self._first_sample_time: float | None = None
-        self.tau_cmd_wheel = (0.0, 0.0, 0.0, 0.0)
+        self._no_momentum = (0.0,) * len(self.h_wheel)
+        self.tau_cmd_wheel = self._no_momentum
         self.m_cmd_body = self.tau_cmd_thruster_body = self._n = ZERO
         self.mode = IDLE
 
@@ -100,7 +100,7 @@ class MomentumDumping(WheelManager):
                 self._n if self.feedforward else ZERO,
                 self.control_by_wheels(),
                 self.rate() if self.gyroscopic else ZERO,
-                self.h_wheel if self.valid_h else NO_MOMENTUM,
+                self.h_wheel if self.valid_h else self._no_momentum,
             )
             if self.valid_h:
                 self.empty_null_space()
@@ -109,17 +109,10 @@ class MomentumDumping(WheelManager):
         """Add the torques that make the wheels' null-space momentum decay."""
         if self.null_gain <= 0.0:
             return
-        a, b, c, d = self.h_wheel
-        p, q, r, s = to_wheels(
-            self._to_wheels, body_momentum(self.axes_wheel, self.h_wheel)
-        )
-        w, x, y, z = self.tau_cmd_wheel
-        k = self.null_gain
-        self.tau_cmd_wheel = (
-            w - k * (a - p),
-            x - k * (b - q),
-            y - k * (c - r),
-            z - k * (d - s),
+        against = null_part(self.axes_wheel, self._to_wheels, self.h_wheel)
+        self.tau_cmd_wheel = tuple(
+            x - self.null_gain * y
+            for x, y in zip(self.tau_cmd_wheel, against, strict=True)
         )
 
     def control_by_wheels(self) -> Vec3:

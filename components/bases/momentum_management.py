@@ -13,7 +13,7 @@ from ..maths.attitude import rotate, rotate_back
 from ..maths.vector import IDENTITY, ZERO, add, cross, dot, mat_vec, norm, scale
 from ..physics.orbit import MU
 from ..physics.torques import gravity_gradient
-from ..physics.wheel_array import pseudo_inverse, to_wheels
+from ..physics.wheel_array import pseudo_inverse, to_coils
 from .dumping import DUMPING, FALLBACK, IDLE, MomentumDumping
 
 _, COILS, WHEELS = range(3)
@@ -163,7 +163,7 @@ class MomentumManagement(MomentumDumping):
         if m is None:
             self.mode, self.tau_desired_body = FALLBACK, ZERO
             return ZERO, (ZERO, ZERO)
-        m = laws.scale_to_limit(m, to_wheels(self._to_coils, m), self.m_limit)
+        m = laws.scale_to_limit(m, to_coils(self._to_coils, m), self.m_limit)
         return cross(m, self._b), (m, ZERO)
 
     def field(self) -> Vec3:

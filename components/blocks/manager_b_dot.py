@@ -65,7 +65,7 @@ class ManagerBDot(Manager):
 
     def start(self) -> None:
         super().start()
-        self.tau_cmd_wheel = (0.0, 0.0, 0.0, 0.0)
+        self.tau_cmd_wheel = (0.0,) * len(self.h_wheel)
         self.m_cmd_body = self.tau_cmd_thruster_body = ZERO
         self.mode = IDLE
         self._b: Vec3 | None = None

@@ -14,7 +14,7 @@ from ..bases.acquisition import (
     THREE_AXIS,
     Acquisition,
 )
-from ..contract.block import SPIN, TURN, Mat33, Output, Parameter, Vec3, Vec4
+from ..contract.block import SPIN, TURN, Mat33, Output, Parameter, PerWheel, Vec3
 from ..laws import acquisition as laws
 from ..laws import rate_observer
 from ..laws.field_rate import rate_across
@@ -90,7 +90,7 @@ class ManagerDetumblingOptimal(Acquisition):
         start=(0.3078, 0.0, 0.0, 0.0, 0.2865, 0.0, 0.0, 0.0, 0.2747),
         shared=True,
     )
-    inertia_wheel: Vec4 = Parameter(
+    inertia_wheel: PerWheel = Parameter(
         "kg.m2",
         "spin inertia of each wheel",
         start=(3.43774677e-4, 0.0, 0.0, 0.0),

@@ -2,13 +2,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ..contract.block import SPIN, Mat33, Output, Parameter, Vec3, Vec4
+from ..contract.block import SPIN, Mat33, Output, Parameter, PerWheel, Vec3
 from ..contract.roles import Manager, WheelInertias
 from ..laws import craft_filter, rollout
 from ..laws.acquisition import all_coils, within
 from ..maths import kalman
 from ..maths.vector import ZERO, clip, dot, inverse, mat_vec, sub
 from ..physics.gyrostat import carrier_inertia, check_inertia, inverse_inertia
+from ..physics.wheel_array import body_momentum
 
 IDLE, BRAKING, PLANNED, DETUMBLED = range(4)
 GYRO, FILTER = range(2)
@@ -22,7 +23,6 @@ MISSES = 5
 # rad/s, of each axis: standard deviation from which on inertia, coils and coupling are
 # estimated, and dipoles are commanded where the coupling is doubted
 FAMILIAR_RATE = 0.02
-_STILL: Vec4 = (0.0, 0.0, 0.0, 0.0)
 
 
 def count_misses(before: int, torque: float, actual_torque: float, limit: float) -> int:
@@ -257,7 +257,8 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         self._signs: Vec3 = (1.0, 1.0, 1.0)
         self._surprises = self.filter_restarts = 0
         self._trust()
-        self._friction = _STILL
+        self._still = (0.0,) * len(self.h_wheel)
+        self._friction = self._still
         self._was_valid_h = False
         self._b = ZERO
         self._length = max(1, int(self.segment / self.model_step + 0.999999))
@@ -272,10 +273,10 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         self._slow_since = -1.0
         self._is_slow = False
         self._omega: Vec3 | None = None
-        self._h_before = _STILL
+        self._h_before = self._still
         self._rates = craft_filter.rates_covariance(self._doubt)
         self._t_before = 0.0
-        self.tau_cmd_wheel = _STILL
+        self.tau_cmd_wheel = self._still
         self.m_cmd_body = self.tau_cmd_thruster_body = self.omega_est_body = ZERO
         self.mode = IDLE
         self.coil_saturated = False
@@ -298,19 +299,18 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
 
     def _trust(self) -> None:
         """Take every existing wheel for one that works."""
-        a, torque = self.axes_wheel, self.torque_limit
-        self._limits: Vec4 = (
-            torque if any((a[0], a[4], a[8])) else 0.0,
-            torque if any((a[1], a[5], a[9])) else 0.0,
-            torque if any((a[2], a[6], a[10])) else 0.0,
-            torque if any((a[3], a[7], a[11])) else 0.0,
+        a, count = self.axes_wheel, len(self.h_wheel)
+        self._limits: PerWheel = tuple(
+            self.torque_limit if any((a[i], a[count + i], a[2 * count + i])) else 0.0
+            for i in range(count)
         )
-        self._misses = (0, 0, 0, 0)
+        self._misses = (0,) * count
         self.wheels_dead = 0
 
     def _drop(self) -> None:
         """Abandon the sequence and search at the next sample."""
-        self._plan_torques, self._segments, self._elapsed_steps = rollout.NOTHING, 0, 0
+        plan = rollout.none(self._model())
+        self._plan_torques, self._segments, self._elapsed_steps = plan
         self._planned_at = -1.0
 
     def foresee(
@@ -333,7 +333,8 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         self._sense(t)
         self._h_before, self._t_before = self.h_wheel, t
         omega = self._omega
-        self.tau_cmd_wheel, self.m_cmd_body, self.coil_saturated = _STILL, ZERO, False
+        self.tau_cmd_wheel, self.m_cmd_body = self._still, ZERO
+        self.coil_saturated = False
         self.omega_est_body = ZERO if omega is None else omega
         if not self.enable or omega is None:
             self.mode, self._slow_since = IDLE, -1.0
@@ -371,33 +372,20 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
             self.tau_cmd_wheel,
             self._limits,
         )
-        actual_torque = (
-            (h[0] - before[0]) / elapsed_time,
-            (h[1] - before[1]) / elapsed_time,
-            (h[2] - before[2]) / elapsed_time,
-            (h[3] - before[3]) / elapsed_time,
+        actual_torque = tuple(
+            (x - y) / elapsed_time for x, y in zip(h, before, strict=True)
         )
         share, f = min(elapsed_time / FRICTION_TIME, 1.0), self._friction
-        self._friction = (
-            within(f[0] + share * (u[0] - actual_torque[0] - f[0]), limit[0]),
-            within(f[1] + share * (u[1] - actual_torque[1] - f[1]), limit[1]),
-            within(f[2] + share * (u[2] - actual_torque[2] - f[2]), limit[2]),
-            within(f[3] + share * (u[3] - actual_torque[3] - f[3]), limit[3]),
+        wheels = range(len(h))
+        self._friction = tuple(
+            within(f[i] + share * (u[i] - actual_torque[i] - f[i]), limit[i])
+            for i in wheels
         )
-        n = self._misses
-        self._misses = (
-            count_misses(n[0], u[0], actual_torque[0], limit[0]),
-            count_misses(n[1], u[1], actual_torque[1], limit[1]),
-            count_misses(n[2], u[2], actual_torque[2], limit[2]),
-            count_misses(n[3], u[3], actual_torque[3], limit[3]),
+        self._misses = tuple(
+            count_misses(self._misses[i], u[i], actual_torque[i], limit[i])
+            for i in wheels
         )
-        n = self._misses
-        limits = (
-            0.0 if n[0] >= MISSES else limit[0],
-            0.0 if n[1] >= MISSES else limit[1],
-            0.0 if n[2] >= MISSES else limit[2],
-            0.0 if n[3] >= MISSES else limit[3],
-        )
+        limits = tuple(0.0 if self._misses[i] >= MISSES else limit[i] for i in wheels)
         if limits != limit:
             self._limits = limits
             self.wheels_dead += 1
@@ -430,13 +418,8 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         It follows from the change of their momentum, not from the command.
         """
         h, before = self.h_wheel, self._h_before
-        u = (
-            (before[0] - h[0]) / elapsed_time,
-            (before[1] - h[1]) / elapsed_time,
-            (before[2] - h[2]) / elapsed_time,
-            (before[3] - h[3]) / elapsed_time,
-        )
-        return rollout.along(self.axes_wheel, u)
+        u = tuple((y - x) / elapsed_time for x, y in zip(h, before, strict=True))
+        return body_momentum(self.axes_wheel, u)
 
     def _learn(self, t: float, is_valid: bool) -> None:
         """Estimate the rate and what is doubted of the craft at this sample.
@@ -457,7 +440,7 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
                 elapsed_time,
                 self.m_cmd_body,
                 self._wheel_torque(elapsed_time),
-                rollout.along(self.axes_wheel, self._h_before),
+                body_momentum(self.axes_wheel, self._h_before),
                 self._b,
                 self.omega_bi_body,
                 self.gyro_noise if self.rate_from == GYRO else 0.0,
@@ -540,7 +523,7 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
             elapsed_steps += int(since / self.model_step + 0.5)
         is_over = elapsed_steps >= self._segments * self._length
         before = (
-            rollout.none()
+            rollout.none(self._model())
             if is_over
             else rollout.Sequence(self._plan_torques, self._segments, elapsed_steps)
         )
@@ -561,7 +544,7 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         self._planned_at = t
         self.time_left = self.model_step * min(max(cost, 0.0), self.horizon)
 
-    def _command(self, t: float, omega: Vec3) -> Vec4:
+    def _command(self, t: float, omega: Vec3) -> PerWheel:
         """Compute the torque to each rotor (N m), with compensation of friction."""
         u = rollout.by_law(self._model(), omega)
         if self._planned_at >= 0.0:
@@ -570,16 +553,11 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
             )
             if elapsed_steps < self._segments * self._length:
                 u = rollout.of_sequence(
-                    self._plan_torques, elapsed_steps // self._length
+                    self._model(), self._plan_torques, elapsed_steps // self._length
                 )
                 self.mode = PLANNED
         if not self.valid_h:
             return u
         f, limit = self._friction, self._limits
-        u = (
-            within(u[0] + f[0], limit[0]),
-            within(u[1] + f[1], limit[1]),
-            within(u[2] + f[2], limit[2]),
-            within(u[3] + f[3], limit[3]),
-        )
+        u = tuple(within(u[i] + f[i], limit[i]) for i in range(len(u)))
         return rollout.stop_overspeed(u, self.h_wheel, self.h_limit)

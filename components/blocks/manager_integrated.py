@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from math import inf
 
-from ..contract.block import SPIN, Output, Parameter, Vec3, Vec4
+from ..contract.block import SPIN, Output, Parameter, PerWheel, Vec3
 from ..contract.fitting import Law, Need
 from ..contract.roles import WheelManager
 from ..laws import integrated
@@ -10,7 +10,6 @@ from ..maths.vector import ZERO, norm, scale
 from ..physics.wheel_array import body_momentum, pseudo_inverse, to_wheels, wheel_torque
 
 IDLE, DUMPING, _, _, EMERGENCY, VELOCITY_DUMPING = range(6)
-OFF: Vec4 = (0.0, 0.0, 0.0, 0.0)
 
 
 class ManagerIntegrated(WheelManager):
@@ -175,11 +174,12 @@ class ManagerIntegrated(WheelManager):
                 )
         self._to_wheels = pseudo_inverse(self.axes_wheel)
         self._null = integrated.null_vector(self.axes_wheel)
-        self._unloading = (False, False, False, False)
+        self._off = (0.0,) * len(self.h_wheel)
+        self._unloading = (False,) * len(self.h_wheel)
         self._emergency = self._tumbling = False
         self._share = 0.0
         self.tau_des_body = ZERO
-        self._null_torque = self.tau_cmd_wheel = (0.0, 0.0, 0.0, 0.0)
+        self._null_torque = self.tau_cmd_wheel = self._off
         self.m_cmd_body = self.tau_cmd_thruster_body = ZERO
         self.mode = IDLE
 
@@ -190,18 +190,17 @@ class ManagerIntegrated(WheelManager):
         if self.wheels_due(t, is_sample):
             self.tau_cmd_wheel = self._wheel_command()
 
-    def _wheel_command(self) -> Vec4:
-        """Compute the torque to each rotor (4,) N m."""
-        a, b, c, d = wheel_torque(
+    def _wheel_command(self) -> PerWheel:
+        """Compute the torque to each rotor (N m)."""
+        torque = wheel_torque(
             self._to_wheels,
             self.axes_wheel,
             self.tau_des_body,
             scale(1.0 - self._share, self._commanded_torque()),
             self.omega_bi_body if self.valid_omega else ZERO,
-            self.h_wheel if self.valid_h else OFF,
+            self.h_wheel if self.valid_h else self._off,
         )
-        p, q, r, s = self._null_torque
-        return (a + p, b + q, c + r, d + s)
+        return tuple(x + y for x, y in zip(torque, self._null_torque, strict=True))
 
     def _commanded_torque(self) -> Vec3:
         """Return tau (N m, body), the torque of wheels and coils on the body."""
@@ -220,9 +219,9 @@ class ManagerIntegrated(WheelManager):
         if self.enable:
             self._manage()
         else:
-            self._unloading, self._emergency = (False, False, False, False), False
+            self._unloading, self._emergency = (False,) * len(self.h_wheel), False
             self._share, self.tau_des_body, self.m_cmd_body = 0.0, ZERO, ZERO
-            self._null_torque = OFF
+            self._null_torque = self._off
         if self._emergency:
             self.mode = EMERGENCY
         elif self._tumbling:
@@ -237,7 +236,7 @@ class ManagerIntegrated(WheelManager):
     def _manage(self) -> None:
         """Compute t_DES, the coils' share and the dipole at a sample."""
         b = self.b_body
-        excess = self._null_torque = OFF
+        excess = self._null_torque = self._off
         if self.valid_h:
             excess = self._excess(self.h_wheel)
             self._watch(excess)
@@ -253,11 +252,8 @@ class ManagerIntegrated(WheelManager):
             self._share, by_coils = 0.0, self.tau_des_body
         else:
             k, on = self.magnetic_share, self._unloading
-            counted_momentum = (
-                on[0] * excess[0],
-                on[1] * excess[1],
-                on[2] * excess[2],
-                on[3] * excess[3],
+            counted_momentum = tuple(
+                is_on * x for is_on, x in zip(on, excess, strict=True)
             )
             self.tau_des_body = integrated.desaturation(
                 body_momentum(self.axes_wheel, counted_momentum),
@@ -268,7 +264,7 @@ class ManagerIntegrated(WheelManager):
             self._share, by_coils = k, scale(k, self._commanded_torque())
         self.m_cmd_body = integrated.dipole(by_coils, b, self.m_limit)
 
-    def _watch(self, excess: Vec4) -> None:
+    def _watch(self, excess: PerWheel) -> None:
         """Update emergency, wheels to unload and null-space torque.
 
         It needs a valid momentum.
@@ -287,17 +283,17 @@ class ManagerIntegrated(WheelManager):
             self.threshold_on * capacity,
             self.paper_signed_threshold,
         )
+        along = integrated.null_direction(
+            excess, self.axes_wheel, self._to_wheels, self._null
+        )
         self._null_torque = integrated.null_torque(
-            excess, self._null, self.null_gain, self.null_torque_limit
+            excess, along, self.null_gain, self.null_torque_limit
         )
 
-    def _excess(self, h: Vec4) -> Vec4:
+    def _excess(self, h: PerWheel) -> PerWheel:
         """Return the momentum of each wheel (N m s) beyond its target."""
-        n, bias = self._null, self.h_null
-        a, b, c, d = to_wheels(self._to_wheels, self.h_target_body)
-        return (
-            h[0] - a - bias * n[0],
-            h[1] - b - bias * n[1],
-            h[2] - c - bias * n[2],
-            h[3] - d - bias * n[3],
+        target = to_wheels(self._to_wheels, self.h_target_body)
+        return tuple(
+            x - y - self.h_null * z
+            for x, y, z in zip(h, target, self._null, strict=True)
         )

@@ -3,7 +3,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import copysign
 
-from ..bases.dumping import DUMPING, FALLBACK, IDLE, NO_MOMENTUM, MomentumDumping
+from ..bases.dumping import DUMPING, FALLBACK, IDLE, MomentumDumping
 from ..bases.earth_field import EarthField
 from ..bases.known_slew import KnownSlew
 from ..contract.block import Mat33, Mat34, Output, Parameter, Table, Vec3, Vec4
@@ -21,14 +21,14 @@ from ..laws import (
 )
 from ..laws import disturbance_learning as learning
 from ..laws.blending import Split
-from ..laws.integrated import null_vector
+from ..laws.integrated import null_direction, null_vector
 from ..laws.momentum_management import scale_to_limit, without
 from ..maths import matrix
 from ..maths.attitude import inverse, normalise, product, rotate, rotate_back
 from ..maths.vector import IDENTITY, ZERO, add, cross, dot, mat_vec, norm, scale, sub
 from ..physics.orbit import lvlh_attitude, orbit_motion
 from ..physics.torques import gravity_gradient_eci
-from ..physics.wheel_array import body_momentum, pseudo_inverse, to_wheels
+from ..physics.wheel_array import body_momentum, pseudo_inverse, to_coils, to_wheels
 
 HOLD, EMPTY = range(2)
 NADIR, _, IGRF = range(3)
@@ -47,6 +47,7 @@ LEAST_EIGENVALUE = 1e-3  # of the coils' price, relative to its mean
 LEAST_ENERGY = 0.05  # relative price of a dipole of a coil that gives none
 COIL_PRICE = 2e-3  # goal empty: price of a full dipole or a second, squared and halved
 PATIENCE = 1e-3  # goal empty: relative discount of a last second against a first
+NO_DIPOLES: Vec4 = (0.0, 0.0, 0.0, 0.0)
 NO_FIRING: Table = (0.0,) * (predictive.THRUSTERS * predictive.INTERVALS)
 
 
@@ -323,7 +324,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         self._last_sample = momentum_observer.NO_SAMPLE
         self._filter = momentum_observer.NO_FILTER
         self._limits = momentum_observer.NO_FIRINGS
-        self._coils = NO_MOMENTUM
+        self._coils = NO_DIPOLES
         self._thrust = self._dipole_planned = self._costate = ZERO
         self.thruster_limit = (1.0, 1.0, 1.0)
         self.plan_steps = self.filter_restarts = 0
@@ -393,16 +394,17 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         rate = self.null_gain
         if rate <= 0.0:
             rate = norm(self.v_eci) / norm(self.r_eci)
-        a, b, c, d = null_space.drive_to_level(
+        torque = null_space.drive_to_level(
             self.h_wheel,
-            self._null,
+            null_direction(self.h_wheel, self.axes_wheel, self._to_wheels, self._null),
             rate,
             self._peak(),
             self.h_limit,
             self.standstill_weight,
         )
-        e, f, g, i = self.tau_cmd_wheel
-        self.tau_cmd_wheel = (a + e, b + f, c + g, d + i)
+        self.tau_cmd_wheel = tuple(
+            x + y for x, y in zip(torque, self.tau_cmd_wheel, strict=True)
+        )
 
     def _peak(self) -> float:
         """Return the largest momentum (N m s) of a wheel over the last orbit."""
@@ -426,7 +428,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         if not (self.valid_q or is_attitude_assumed) or (
             self.goal == EMPTY and t >= self.end - 1e-6
         ):
-            self.mode, self._coils, self._thrust = IDLE, NO_MOMENTUM, ZERO
+            self.mode, self._coils, self._thrust = IDLE, NO_DIPOLES, ZERO
             self._last_sample = momentum_observer.NO_SAMPLE
             return ZERO, (ZERO, ZERO)
         lvlh = lvlh_attitude(self.r_eci, self.v_eci)
@@ -473,7 +475,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         Return the torque (N m, body) that both give, and dipole and thrust themselves.
         """
         m = self._chosen_dipole(mode, m)
-        self._coils = to_wheels(self._to_coils, m)
+        self._coils = to_coils(self._to_coils, m)
         dipole = self._effective_dipole(self._coils)
         return add(cross(dipole, mean), self._effective_thrust()), (m, self._thrust)
 
@@ -486,7 +488,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
             self.mode = FALLBACK if norm(self._thrust) > 0.0 else IDLE
             return ZERO
         self.mode = mode
-        return scale_to_limit(m, to_wheels(self._to_coils, m), self.m_limit)
+        return scale_to_limit(m, to_coils(self._to_coils, m), self.m_limit)
 
     def _judge_field(self, model: Vec3) -> None:
         """Reject a measured field whose size is not the Earth's. model: its field (T)."""
@@ -652,7 +654,7 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
                 1.0 / l33,
             ),
         )
-        coils = tuple(to_wheels(p, command) for command in commands)
+        coils = tuple(to_coils(p, command) for command in commands)
         dipoles = tuple(self._effective_dipole(c) for c in coils)
         return commands, dipoles, tuple(self._reach(c) for c in coils)
 

@@ -10,7 +10,7 @@ from ..laws import momentum_management as laws
 from ..laws.blending import Split
 from ..maths.attitude import rotate, rotate_back
 from ..maths.vector import ZERO, add, cross, mat_vec, scale, sub
-from ..physics.wheel_array import body_momentum, to_wheels
+from ..physics.wheel_array import body_momentum, to_coils
 from .manager_preview import ManagerPreview
 
 # 1 - |q'q| of two attitudes a milliradian apart; beyond it the craft turns, and nothing
@@ -92,7 +92,7 @@ class ManagerPreviewLearning(ManagerPreview):
         n, split = super().dump(t, elapsed_time, h)
         if not self.learn:
             return n, split
-        a, b, c, d = to_wheels(self._to_coils, split[0])
+        a, b, c, d = to_coils(self._to_coils, split[0])
         e, f, g, i = self.effectiveness
         dipole = body_momentum(self.axes_coil, (e * a, f * b, g * c, i * d))
         return cross(dipole, self._b), split
@@ -117,7 +117,7 @@ class ManagerPreviewLearning(ManagerPreview):
         wheels = body_momentum(self.axes_wheel, self.h_wheel)
         h = add(wheels, mat_vec(self._inertia, self.rate()))
         if self._then is not None and self._still(t - self._then) and self._b_2 != ZERO:
-            coils = to_wheels(self._to_coils, self.m_cmd_body)
+            coils = to_coils(self._to_coils, self.m_cmd_body)
             b = rotate(
                 self.q_bi, learning.passed_field(self._b_1, self._b_2, self._b_3)
             )

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from math import pi, sin
 
-from ..contract.block import TURN, Output, Parameter, Vec4
+from ..contract.block import TURN, Output, Parameter, PerWheel
 from ..contract.roles import Manager
 from ..maths.vector import ZERO
 
@@ -17,10 +17,10 @@ class ManagerTestSignal(Manager):
 
     no_law = "it turns the wheels by a given signal, without feedback"
 
-    bias: Vec4 = Parameter("N.m", "constant part for each wheel")
-    amplitude: Vec4 = Parameter("N.m", "amplitude for each wheel")
-    period: Vec4 = Parameter("s", "period for each wheel", start=600.0, min=1e-3)
-    phase: Vec4 = Parameter("rad", "phase for each wheel", usual=TURN)
+    bias: PerWheel = Parameter("N.m", "constant part for each wheel")
+    amplitude: PerWheel = Parameter("N.m", "amplitude for each wheel")
+    period: PerWheel = Parameter("s", "period for each wheel", start=600.0, min=1e-3)
+    phase: PerWheel = Parameter("rad", "phase for each wheel", usual=TURN)
     mode: int = Output(
         "1",
         "what the manager does",
@@ -30,7 +30,7 @@ class ManagerTestSignal(Manager):
 
     def start(self) -> None:
         super().start()
-        self.tau_cmd_wheel = (0.0, 0.0, 0.0, 0.0)
+        self.tau_cmd_wheel = (0.0,) * len(self.h_wheel)
         self.m_cmd_body = self.tau_cmd_thruster_body = ZERO
         self.mode = 0
 
@@ -38,7 +38,7 @@ class ManagerTestSignal(Manager):
         """Command bias + amplitude sin(2 pi t / period + phase) of each wheel (N m)."""
         if self.due(t):
             t_sample = self._sample * self.sample_time if self.sample_time > 0.0 else t
-            self.tau_cmd_wheel = tuple(  # type: ignore[assignment]
+            self.tau_cmd_wheel = tuple(
                 b + a * sin(2.0 * pi * t_sample / p + q)
                 for b, a, p, q in zip(
                     self.bias, self.amplitude, self.period, self.phase, strict=True

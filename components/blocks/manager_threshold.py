@@ -226,6 +226,13 @@ class ManagerThreshold(MomentumDumping):
     def foresee(
         self, begin: float, end: float, wired_names: frozenset[str]
     ) -> Iterator[str]:
+        """Yield the problems known before a run: windows that end, pulses too long.
+
+        Raises
+        ------
+        BlockError
+            If nothing that dumps is wired.
+        """
         if self._window_count > 0 and self.windows_period == 0.0:
             last = self.windows[2 * self._window_count - 1]
             if last < end:

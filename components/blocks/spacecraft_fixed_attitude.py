@@ -73,7 +73,10 @@ class SpacecraftFixedAttitude(Spacecraft):
     def output(self, t: float) -> None:
         self.q_bi = self._q
         self.omega_bi_body = self._omega
-        self.h_copy_wheel = (*self._h, 0.0)
+        x, y, z = self._h
+        momentum = [0.0] * len(self.h_copy_wheel)
+        momentum[0], momentum[1], momentum[2] = x, y, z
+        self.h_copy_wheel = tuple(momentum)
         self.impulse_eci = sub(self._total(), self._start_momentum)
 
     def advance(self, t: float, dt: float) -> None:

@@ -287,12 +287,7 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
             )
         self._q = normalise(y[:4])
         self._momentum = (y[4], y[5], y[6])
-        self._h = (
-            h[0] + dt * mean[0],
-            h[1] + dt * mean[1],
-            h[2] + dt * mean[2],
-            h[3] + dt * mean[3],
-        )
+        self._h = tuple(x + dt * y for x, y in zip(h, mean, strict=True))
 
     def _angle(self, dt: float, wheels: Vec3, torque_angle: float) -> float:
         """Estimate the angle (rad) by which body and nutation turn in dt.

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from ..bases.sensing import Sensor, digital
-from ..contract.block import Parameter, Vec4
+from ..contract.block import Parameter, PerWheel
 from ..contract.roles import Tachometers as Role
 from ..maths.noise import normal_pair, stream
 
@@ -16,7 +16,7 @@ class Tachometers(Role, Sensor):
     function of seed, instance name and sample index.
     """
 
-    bias_wheel: Vec4 = Parameter(
+    bias_wheel: PerWheel = Parameter(
         "N.m.s",
         "constant error of each wheel",
         usual=(-10.0, 10.0),
@@ -48,18 +48,13 @@ class Tachometers(Role, Sensor):
         """Measure each wheel's momentum (N m s) with bias, noise and quantisation."""
         h, b = self.h_wheel, self.bias_wheel
         if any(b):
-            h = (h[0] + b[0], h[1] + b[1], h[2] + b[2], h[3] + b[3])
+            h = tuple(x + y for x, y in zip(h, b, strict=True))
         if self.noise > 0.0:
-            x, y = normal_pair(self._noise, sample)
-            z, w = normal_pair(self._noise, sample, 2)
-            s = self.noise
-            h = (h[0] + s * x, h[1] + s * y, h[2] + s * z, h[3] + s * w)
+            h = tuple(
+                x + self.noise * normal_pair(self._noise, sample, i - i % 2)[i % 2]
+                for i, x in enumerate(h)
+            )
         if self.resolution > 0.0 or self.full_scale > 0.0:
             step, full = self.resolution, self.full_scale
-            h = (
-                digital(h[0], step, full),
-                digital(h[1], step, full),
-                digital(h[2], step, full),
-                digital(h[3], step, full),
-            )
+            h = tuple(digital(x, step, full) for x in h)
         self.h_meas_wheel = h

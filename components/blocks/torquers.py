@@ -7,7 +7,7 @@ from ..contract.block import Mat34, Output, Parameter, Vec3, Vec4
 from ..contract.roles import Torquers as Role
 from ..maths.moments import first_order, lag, part, window
 from ..maths.vector import ZERO, add, norm, scale
-from ..physics.wheel_array import body_momentum, pseudo_inverse, to_wheels
+from ..physics.wheel_array import body_momentum, pseudo_inverse, to_coils
 
 IDEAL, LIMITED, PULSED = range(3)
 NO_COIL = 0
@@ -224,9 +224,9 @@ class Torquers(Role):
         """Allocate the commanded dipole to the coils (A m2)."""
         if has_failed and self.failure_known:
             return self._without_failed(
-                to_wheels(self._allocation_of_rest, self.m_cmd_body)
+                to_coils(self._allocation_of_rest, self.m_cmd_body)
             )
-        dipoles = to_wheels(self._allocation, self.m_cmd_body)
+        dipoles = to_coils(self._allocation, self.m_cmd_body)
         return self._without_failed(dipoles) if has_failed else dipoles
 
     def _driven(self, dipoles: Vec4) -> Vec4:

@@ -3,7 +3,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import cos, floor, inf, pi, sin
 
-from ..contract.block import Parameter, Vec3, Vec4
+from ..contract.block import Parameter, PerWheel, Vec3, WheelFlags
 from ..contract.roles import WheelInertias
 from ..contract.roles import Wheels as Role
 from ..maths.noise import stream, uniform
@@ -11,37 +11,41 @@ from ..maths.vector import ZERO, add, cross, dot, norm, scale, sub, unit
 from ..physics.rotor import AT_LIMIT, Motor, Rotor, step
 
 TORQUE, SPEED = range(2)
-NOTHING: Vec4 = (0.0, 0.0, 0.0, 0.0)
 FULL_TURN = 2.0 * pi
+MOST_WHEELS = 8
 EDGE = 1e-6  # a time so near a step's end, relative to the step, is the step's end
 FLAT = 1e-3  # Sine of the angle up to which axes count as parallel, or as in a plane.
-
-# For each choice of `failed`: 1 for each wheel that fails.
-FAILURES = (
-    (0, 0, 0, 0),
-    (1, 0, 0, 0),
-    (0, 1, 0, 0),
-    (0, 0, 1, 0),
-    (0, 0, 0, 1),
-    (1, 1, 0, 0),
-    (1, 0, 1, 0),
-    (1, 0, 0, 1),
-    (0, 1, 1, 0),
-    (0, 1, 0, 1),
-    (0, 0, 1, 1),
-    (1, 1, 1, 0),
-    (1, 1, 0, 1),
-    (1, 0, 1, 1),
-    (0, 1, 1, 1),
-    (1, 1, 1, 1),
-)
 
 # A speed loop: its last sample and the command (N m) of that sample.
 Loop = tuple[int, float]
 
 
+def failing_of(choice: int, count: int) -> WheelFlags:
+    """Return which of `count` wheels fail, of MOST_WHEELS: a choice of `wheel_groups`.
+
+    As numbers in base two whose first digit is wheel 1, groups of a size decrease.
+    """
+    highest = 1
+    for _ in range(count):
+        highest *= 2
+    group, remaining = 0, choice
+    for size in range(1, count + 1):
+        for mask in range(highest - 1, 0, -1):
+            digits, rest = 0, mask
+            for _ in range(count):
+                digits, rest = digits + rest % 2, rest // 2
+            if digits == size:
+                remaining -= 1
+                if remaining == 0:
+                    group = mask
+    fails = [False] * MOST_WHEELS
+    for i in range(count):
+        fails[count - 1 - i], group = group % 2 == 1, group // 2
+    return tuple(fails)
+
+
 class Wheels(Role, WheelInertias):
-    """Reaction wheels, one to four, with motor lag, friction, limits and failures
+    """Reaction wheels with motor lag, friction, limits and failures
 
     For each wheel, with g its axis and Omega = h / J_s - g.omega its speed relative to
     the body,
@@ -85,7 +89,9 @@ class Wheels(Role, WheelInertias):
     (1978) and paper 004.
     """
 
-    h_start_wheel: Vec4 = Parameter("N.m.s", "axial momentum at the start, absolute")
+    h_start_wheel: PerWheel = Parameter(
+        "N.m.s", "axial momentum at the start, absolute"
+    )
     command_mode: int = Parameter(
         "1",
         "which command counts",
@@ -156,25 +162,7 @@ class Wheels(Role, WheelInertias):
     failed: int = Parameter(
         "1",
         "which wheels fail",
-        choices=(
-            "none",
-            "1",
-            "2",
-            "3",
-            "4",
-            "1+2",
-            "1+3",
-            "1+4",
-            "2+3",
-            "2+4",
-            "3+4",
-            "1+2+3",
-            "1+2+4",
-            "1+3+4",
-            "2+3+4",
-            "1+2+3+4",
-        ),
-        start="none",
+        groups=True,
     )
     failed_from: float = Parameter("s", "when they fail", start=0.0)
     unbalance: float = Parameter(
@@ -212,15 +200,14 @@ class Wheels(Role, WheelInertias):
         BlockError
             If the wheels cannot turn the craft about some axis.
         """
-        for i in range(4):
+        for i in range(len(self.inertia_wheel)):
             self._check_absence(i)
             if self.inertia_wheel[i] == 0.0 and self.h_start_wheel[i] != 0.0:
                 yield (
                     f"h_start_wheel[{i + 1}] = {self.h_start_wheel[i]:g} N m s is left out: there "
                     f"is no wheel {i + 1}"
                 )
-        g = self.axes_wheel
-        axes = [(g[i], g[4 + i], g[8 + i]) for i in self._present]
+        axes = [self._axis(i) for i in self._present]
         normals = [cross(a, b) for a in axes for b in axes]
         normal = max(normals, key=norm, default=ZERO)
         if len(axes) > 2 and norm(normal) < FLAT:
@@ -237,7 +224,11 @@ class Wheels(Role, WheelInertias):
 
     def start(self) -> None:
         """Set rotors, speed loops and rotor angles (rad) to their start values."""
-        self._present = tuple(i for i in range(4) if self.inertia_wheel[i] > 0.0)
+        self._nothing = (0.0,) * len(self.inertia_wheel)
+        self._failing = failing_of(self.failed, len(self.inertia_wheel))
+        self._present = tuple(
+            i for i in range(len(self.inertia_wheel)) if self.inertia_wheel[i] > 0.0
+        )
         self._check_parameters()
         self._motors: tuple[Motor, ...] = tuple(
             (
@@ -254,10 +245,10 @@ class Wheels(Role, WheelInertias):
         )
         self._rates = self._axial(self.omega_bi_body)
         # rates at the beginning of the last two steps, and their lengths (s)
-        self._past: tuple[tuple[Vec4, float], tuple[Vec4, float]] = (
+        self._past: tuple[tuple[PerWheel, float], tuple[PerWheel, float]] = (
             (self._rates, 0.0),
         ) * 2
-        self._last_command = NOTHING
+        self._last_command = self._nothing
         self._steps_since = 0
         self._rotors: tuple[Rotor, ...] = tuple(
             (h, 0.0, 0.0, 0.0) for h in self.h_start_wheel
@@ -268,18 +259,18 @@ class Wheels(Role, WheelInertias):
             (h, 0.0, 0.0, float((speed > 0.0) - (speed < 0.0)))
             for h, speed in zip(self.h_start_wheel, self.speed_wheel, strict=True)
         )
-        self._loops: tuple[Loop, ...] = ((-1, 0.0),) * 4
+        self._loops: tuple[Loop, ...] = ((-1, 0.0),) * len(self.inertia_wheel)
         self._rotor_angles: tuple[float, ...] = tuple(
             FULL_TURN
             * uniform(stream(self.instance, "tau_jitter_body", self.seed), 0, i)
-            for i in range(4)
+            for i in range(len(self.inertia_wheel))
         )  # the rotors' angles, rad
         self._across_axes: tuple[tuple[Vec3, Vec3], ...] = tuple(
-            self._across_axis(i) for i in range(4)
+            self._across_axis(i) for i in range(len(self.inertia_wheel))
         )
         self._across = self._momentum_across(self.speed_wheel)
         self._has_failed = False
-        self.tau_mean_wheel = self.tau_slope_wheel = NOTHING
+        self.tau_mean_wheel = self.tau_slope_wheel = self._nothing
         self.tau_jitter_body = ZERO
 
     def _check_parameters(self) -> None:
@@ -311,7 +302,7 @@ class Wheels(Role, WheelInertias):
                 f"axes_wheel: column {i + 1} = {self._axis(i)}, but inertia_wheel[{i + 1}] = 0: "
                 "a wheel that does not exist has a column of zeros, one that does a spin inertia"
             )
-        if FAILURES[self.failed][i] > 0:
+        if self._failing[i]:
             self.fail(f"failed: there is no wheel {i + 1}: inertia_wheel[{i + 1}] = 0")
 
     def _check_speeds(self) -> None:
@@ -325,29 +316,26 @@ class Wheels(Role, WheelInertias):
 
     def _axis(self, i: int) -> Vec3:
         """Return the axis of wheel i, body."""
-        a = self.axes_wheel
-        return (a[i], a[4 + i], a[8 + i])
+        a, count = self.axes_wheel, len(self.inertia_wheel)
+        return (a[i], a[count + i], a[2 * count + i])
 
-    def _axial(self, omega: Vec3) -> Vec4:
+    def _axial(self, omega: Vec3) -> PerWheel:
         """Compute g.omega of each wheel (rad/s)."""
-        a, (x, y, z) = self.axes_wheel, omega
-        return (
-            a[0] * x + a[4] * y + a[8] * z,
-            a[1] * x + a[5] * y + a[9] * z,
-            a[2] * x + a[6] * y + a[10] * z,
-            a[3] * x + a[7] * y + a[11] * z,
+        a, count, (x, y, z) = self.axes_wheel, len(self.inertia_wheel), omega
+        return tuple(
+            a[i] * x + a[count + i] * y + a[2 * count + i] * z for i in range(count)
         )
 
     def _speed(self, i: int) -> float:
         """Return the speed of rotor i relative to the body (rad/s)."""
         return self._rotors[i][0] / self.inertia_wheel[i] - self._rates[i]
 
-    def _speeds(self) -> Vec4:
+    def _speeds(self) -> PerWheel:
         """Return the speed of each rotor relative to the body (rad/s)."""
-        speed = [0.0] * 4
+        speed = [0.0] * len(self.inertia_wheel)
         for i in self._present:
             speed[i] = self._speed(i)
-        return (speed[0], speed[1], speed[2], speed[3])
+        return tuple(speed)
 
     def output(self, t: float) -> None:
         """Set momentum (N m s) and flags of each wheel, and the power (W).
@@ -355,7 +343,10 @@ class Wheels(Role, WheelInertias):
         A wheel takes `idle_power`, its mechanical power where that is positive, and the
         copper loss (drive / motor_constant)^2.
         """
-        h, is_saturated = [0.0] * 4, [False] * 4
+        h, is_saturated = (
+            [0.0] * len(self.inertia_wheel),
+            [False] * len(self.inertia_wheel),
+        )
         rotors, inertia, rates = self._rotors, self.inertia_wheel, self._rates
         idle, constant = self.idle_power, self.motor_constant
         fastest = self.speed_limit * (1.0 - AT_LIMIT)
@@ -368,15 +359,11 @@ class Wheels(Role, WheelInertias):
             power += idle + max(0.0, drive * speed)
             if constant > 0.0:
                 power += (drive / constant) ** 2
-        self.h_wheel = (h[0], h[1], h[2], h[3])
-        self.saturated_wheel = (
-            is_saturated[0],
-            is_saturated[1],
-            is_saturated[2],
-            is_saturated[3],
+        self.h_wheel, self.saturated_wheel = tuple(h), tuple(is_saturated)
+        self.failed_wheel = tuple(
+            self._has_failed and self._failing[i]
+            for i in range(len(self.inertia_wheel))
         )
-        a, b, c, d = FAILURES[self.failed if self._has_failed else 0]
-        self.failed_wheel = (a > 0, b > 0, c > 0, d > 0)
         self.power = power
 
     def advance(self, t: float, dt: float) -> None:
@@ -388,14 +375,15 @@ class Wheels(Role, WheelInertias):
         now = self._axial(self.omega_bi_body)
         then = self._ahead(now, dt)
         self._rates = now
-        mean, slope, angles = [0.0] * 4, [0.0] * 4, list(self._rotor_angles)
-        rotors, loops, speed = list(self._rotors), list(self._loops), [0.0] * 4
+        count = len(self.inertia_wheel)
+        mean, slope, angles = [0.0] * count, [0.0] * count, list(self._rotor_angles)
+        rotors, loops, speed = list(self._rotors), list(self._loops), [0.0] * count
         inertia, torque_mode = self.inertia_wheel, self.command_mode == TORQUE
-        most, fails = self.torque_limit, FAILURES[self.failed]
+        most = self.torque_limit
         for i in self._present:
             h0 = rotors[i][0]
             speed[i] = h0 / inertia[i] - now[i]
-            if torque_mode and not fails[i]:
+            if torque_mode and not self._failing[i]:
                 command = min(max(self.tau_cmd_wheel[i], -most), most)
                 rotors[i], integral = self.propagate_rotor(
                     self._motors[i],
@@ -416,10 +404,10 @@ class Wheels(Role, WheelInertias):
             angles[i] += integral / inertia[i] - 0.5 * dt * (now[i] + then[i])
         self._rotors, self._loops = tuple(rotors), tuple(loops)
         self._rates = then  # for the next outputs
-        self.speed_wheel = (speed[0], speed[1], speed[2], speed[3])
+        self.speed_wheel = tuple(speed)
         self._has_failed = self.failed > 0 and t + dt >= self.failed_from - EDGE * dt
-        self.tau_mean_wheel = (mean[0], mean[1], mean[2], mean[3])
-        self.tau_slope_wheel = (slope[0], slope[1], slope[2], slope[3])
+        self.tau_mean_wheel = tuple(mean)
+        self.tau_slope_wheel = tuple(slope)
         if self.unbalance > 0.0:
             self._rotor_angles = tuple(x % FULL_TURN for x in angles)
             before, self._across = self._across, self._momentum_across(self._speeds())
@@ -445,7 +433,7 @@ class Wheels(Role, WheelInertias):
         """Limit a commanded torque to what the motor gives (N m) at a speed (rad/s)."""
         return min(max(torque, -self.torque_limit), self.torque_limit)
 
-    def _ahead(self, now: Vec4, dt: float) -> Vec4:
+    def _ahead(self, now: PerWheel, dt: float) -> PerWheel:
         """Extrapolate the rates about the axes (rad/s) by a step dt (s).
 
         A parabola through the last three is used as long as the command stays, as a
@@ -462,19 +450,11 @@ class Wheels(Role, WheelInertias):
             return now
         line = dt / long
         if steps < 2 or before == 0.0:
-            return (
-                now[0] + line * (now[0] - a[0]),
-                now[1] + line * (now[1] - a[1]),
-                now[2] + line * (now[2] - a[2]),
-                now[3] + line * (now[3] - a[3]),
-            )
+            return tuple(x + line * (x - y) for x, y in zip(now, a, strict=True))
         bend = dt * (dt + long) / (long + before)
         p, q = line + bend / long, bend / before
-        return (
-            now[0] + p * (now[0] - a[0]) - q * (a[0] - b[0]),
-            now[1] + p * (now[1] - a[1]) - q * (a[1] - b[1]),
-            now[2] + p * (now[2] - a[2]) - q * (a[2] - b[2]),
-            now[3] + p * (now[3] - a[3]) - q * (a[3] - b[3]),
+        return tuple(
+            x + p * (x - y) - q * (y - z) for x, y, z in zip(now, a, b, strict=True)
         )
 
     def _in_pieces(
@@ -490,7 +470,7 @@ class Wheels(Role, WheelInertias):
             self._rotors[i],
             self._loops[i],
         )
-        fails = self.failed_from - t if FAILURES[self.failed][i] else inf
+        fails = self.failed_from - t if self._failing[i] else inf
         total, begin, rate = 0.0, 0.0, now
         while begin < dt:
             end, command, fastest = min(dt, fails), 0.0, self.speed_limit
@@ -537,7 +517,7 @@ class Wheels(Role, WheelInertias):
         )
         return one, cross(axis, one)
 
-    def _momentum_across(self, speeds: Vec4) -> Vec3:
+    def _momentum_across(self, speeds: PerWheel) -> Vec3:
         """Sum the momentum of the rotors' products of inertia (N m s, body).
 
         It lies across their axes.

@@ -34,7 +34,8 @@ import operator
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal, NoReturn
+from itertools import combinations
+from typing import Any, ClassVar, Literal, NoReturn, Self
 
 from .units import unit_of
 
@@ -49,7 +50,28 @@ Vec4 = tuple[float, float, float, float]
 Mat33 = tuple[float, float, float, float, float, float, float, float, float]
 Mat34 = tuple[float, ...]
 Table = tuple[float, ...]
-Flags4 = tuple[bool, bool, bool, bool]
+PerWheel = tuple[float, ...]
+WheelColumns = tuple[float, ...]
+WheelFlags = tuple[bool, ...]
+
+
+class Size(int):
+    """Length of an array that another craft may have another of, such as its wheels.
+
+    A subclass of a block gives it: `class WheelsOf6(Wheels, wheels=6)`. Methods take
+    the length of their arrays, not this number.
+    """
+
+    kind: str
+
+    def __new__(cls, kind: str, usual: int) -> Self:
+        """Return the usual length of a kind."""
+        size = super().__new__(cls, usual)
+        size.kind = kind
+        return size
+
+
+WHEELS = Size("wheels", 4)
 
 _SHAPES: dict[
     str, tuple[Literal["Real", "Integer", "Boolean"], tuple[int, ...] | None]
@@ -62,7 +84,9 @@ _SHAPES: dict[
     "Mat33": ("Real", (3, 3)),
     "Mat34": ("Real", (3, 4)),
     "Table": ("Real", None),
-    "Flags4": ("Boolean", (4,)),
+    "PerWheel": ("Real", (WHEELS,)),
+    "WheelColumns": ("Real", (3, WHEELS)),
+    "WheelFlags": ("Boolean", (WHEELS,)),
 }
 
 Scalar = float | int | bool
@@ -102,6 +126,7 @@ class Variable:
     needed_by: tuple[str, ...] = ()
     follows: str = ""
     usual: tuple[float, float] | None = None
+    groups: bool = False  # its choices are none and all groups of wheels
 
     @property
     def size(self) -> int:
@@ -122,9 +147,48 @@ class Variable:
             f"{self.name}[{i + 1},{j + 1}]" for i in range(rows) for j in range(columns)
         ]
 
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Return the lengths of its shape that a craft may change, by their kind."""
+        return {n.kind: int(n) for n in self.shape if isinstance(n, Size)}
+
+    def with_sizes(self, sizes: Mapping[str, int]) -> Variable:
+        """Return the variable with other lengths.
+
+        Of a start value of different numbers the rest is cut off, or is zero.
+        """
+        if self.groups and "wheels" in sizes:
+            choices = wheel_groups(sizes["wheels"])
+            return replace(self, choices=choices, maximum=len(choices) - 1)
+        if not self.sizes.keys() & sizes.keys():
+            return self
+        shape = tuple(
+            Size(n.kind, sizes.get(n.kind, n)) if isinstance(n, Size) else n
+            for n in self.shape
+        )
+        flat = self.flat_start()
+        if len(set(flat)) == 1:
+            start = flat[:1] * math.prod(shape)
+        else:
+            rows = math.prod(shape[:-1])
+            before = len(flat) // rows
+            start = tuple(
+                flat[before * i + j] if j < before else type(flat[0])(0)
+                for i in range(rows)
+                for j in range(shape[-1])
+            )
+        return replace(self, shape=shape, start=start)
+
     def flat_start(self) -> tuple[Scalar, ...]:
         """Return the start value as a flat tuple of `size` scalars."""
         return self.start if isinstance(self.start, tuple) else (self.start,)
+
+
+def wheel_groups(count: int) -> tuple[str, ...]:
+    """Return "none" and each group of `count` wheels, as "1+3", small ones first."""
+    numbers = range(1, count + 1)
+    groups = (x for size in numbers for x in combinations(numbers, size))
+    return ("none", *("+".join(map(str, group)) for group in groups))
 
 
 class _Declaration:
@@ -163,6 +227,8 @@ class _Declaration:
                 f"{place}: a Table needs a shape, as Parameter(..., shape=(5,))"
             )
         choices = tuple(options.pop("choices", ()))
+        if options.get("groups"):
+            choices = wheel_groups(WHEELS)
         size = math.prod(shape)
         start = options.pop("start", None)
         if choices:
@@ -285,10 +351,12 @@ def Parameter(
     needs: tuple[str, ...] = (),
     follows: str = "",
     usual: tuple[float, float] | None = None,
+    groups: bool = False,
 ) -> Any:
     """Declare a parameter, which is fixed once the simulation runs.
 
-    `choices` names its integer values. `shared`: all blocks of a system that have a
+    `choices` names its integer values; with `groups` they are none and all groups of
+    wheels. `shared`: all blocks of a system that have a
     parameter of this name must have the same value; that of a flight computer may be in
     error. `needs` names the block's inputs that must be wired or set, and the outputs
     that must be read by a component, unless the parameter is off: 0, false, its first
@@ -311,6 +379,7 @@ def Parameter(
         needs=needs,
         follows=follows,
         usual=usual,
+        groups=groups,
     )
 
 
@@ -418,16 +487,17 @@ class Block:
     is_sensor: ClassVar[bool] = False  # true: a health check reads the role's `valid`
 
     variables: ClassVar[tuple[Variable, ...]] = ()
+    sizes: ClassVar[Mapping[str, int]] = {}  # lengths that are not the usual ones
 
     fault: bool = Output(
         "1", "true: the block has failed and stands still; see the log"
     )
 
-    def __init_subclass__(cls) -> None:
+    def __init_subclass__(cls, **sizes: int) -> None:
         """Collect the declared variables of the class and check their consistency.
 
-        Raise TypeError if a variable contradicts its role, or `needs` or `slope` name
-        none.
+        `sizes` are the lengths of its arrays that are not the usual ones. Raise
+        TypeError if a variable contradicts its role, or `needs` or `slope` name none.
         """
         variable_of = {
             v.name: v for base in cls.__bases__ for v in getattr(base, "variables", ())
@@ -459,9 +529,10 @@ class Block:
                 raise TypeError(
                     f"{cls.__name__}.{v.name}: its slope {v.slope!r} is no such output"
                 )
+        cls.sizes = {**cls.sizes, **sizes}
         cls.variables = tuple(
             replace(
-                v,
+                v.with_sizes(cls.sizes),
                 needed_by=tuple(n for n, w in variable_of.items() if v.name in w.needs),
             )
             for v in variable_of.values()

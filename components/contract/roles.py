@@ -11,7 +11,18 @@ from collections.abc import Iterator
 from math import floor
 from typing import Annotated, ClassVar
 
-from .block import Block, Flags4, Input, Mat34, Output, Parameter, Sampled, Vec3, Vec4
+from .block import (
+    Block,
+    Input,
+    Output,
+    Parameter,
+    PerWheel,
+    Sampled,
+    Vec3,
+    Vec4,
+    WheelColumns,
+    WheelFlags,
+)
 from .fitting import Law, Need
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
@@ -95,7 +106,7 @@ ECI = (
 class WheelAxes(Block):
     """Parameters of every block that knows the wheels, beside its role."""
 
-    axes_wheel: Mat34 = Parameter(
+    axes_wheel: WheelColumns = Parameter(
         "1",
         "columns: the wheels' axes, body; zero where there is no wheel",
         start=(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
@@ -106,7 +117,7 @@ class WheelAxes(Block):
 class WheelInertias(WheelAxes):
     """Parameters of every block that moves the wheels, beside its role."""
 
-    inertia_wheel: Vec4 = Parameter(
+    inertia_wheel: PerWheel = Parameter(
         "kg.m2",
         "spin inertia of each wheel",
         start=(0.008, 0.008, 0.008, 0.0),
@@ -186,19 +197,19 @@ class Spacecraft(Block):
     density: float = Input(
         "kg/m3", "density of the atmosphere", source="environment.density"
     )
-    h_wheel: Vec4 = Input(
+    h_wheel: PerWheel = Input(
         "N.m.s",
         "axial momentum of each wheel, absolute; read in initialisation mode only",
         source="wheels.h_wheel",
         initial=True,
     )
-    tau_mean_wheel: Vec4 = Input(
+    tau_mean_wheel: PerWheel = Input(
         "N.m",
         "net torque on each rotor, mean over the step; the body receives the opposite",
         source="wheels.tau_mean_wheel",
         needs=("h_wheel",),
     )
-    tau_slope_wheel: Vec4 = Input(
+    tau_slope_wheel: PerWheel = Input(
         "N.m",
         "net torque on each rotor, slope over the step",
         source="wheels.tau_slope_wheel",
@@ -238,7 +249,7 @@ class Spacecraft(Block):
         "angular rate of the body relative to eci, body",
         starts_from=("r_eci", "v_eci"),
     )
-    h_copy_wheel: Vec4 = Output(
+    h_copy_wheel: PerWheel = Output(
         "N.m.s",
         "own copy of the axial momentum of each wheel, absolute",
         starts_from=("h_wheel",),
@@ -308,12 +319,12 @@ class Tachometers(Sampled):
     typical_block = "tachometers"
     is_sensor = True
 
-    h_wheel: Vec4 = Input(
+    h_wheel: PerWheel = Input(
         "N.m.s",
         "axial momentum of each wheel, absolute",
         source=("wheels.h_wheel", "spacecraft.h_copy_wheel"),
     )
-    h_meas_wheel: Vec4 = Output(
+    h_meas_wheel: PerWheel = Output(
         "N.m.s",
         "measured axial momentum of each wheel",
         interval=True,
@@ -589,7 +600,7 @@ class Manager(Computer):
     v_eci: Vec3 = Input(
         "m/s", "velocity, eci", start=(0.0, 7.5e3, 0.0), source="environment.v_eci"
     )
-    h_wheel: Vec4 = Input(
+    h_wheel: PerWheel = Input(
         "N.m.s",
         "measured axial momentum of each wheel",
         source=(
@@ -639,7 +650,9 @@ class Manager(Computer):
         source="tachometers.valid",
     )
 
-    tau_cmd_wheel: Vec4 = Output("N.m", "torque command to each rotor", interval=True)
+    tau_cmd_wheel: PerWheel = Output(
+        "N.m", "torque command to each rotor", interval=True
+    )
     m_cmd_body: Vec3 = Output("A.m2", "dipole command, body", interval=True)
     tau_cmd_thruster_body: Vec3 = Output(
         "N.m", "thruster torque command, body", interval=True
@@ -649,7 +662,7 @@ class Manager(Computer):
     )
 
     def commands(self) -> tuple[float, ...]:
-        """Return all commands: wheel torques (4,), dipole (3,), thruster torque (3,).
+        """Return all commands: wheel torques, dipole (3,), thruster torque (3,).
 
         Units are N m, A m2 and N m; dipole and thruster torque are in the body frame.
         """
@@ -657,8 +670,9 @@ class Manager(Computer):
 
     def command(self, values: tuple[float, ...]) -> None:
         """Assign all commands, in the order of `commands`."""
-        a, b, c, d, mx, my, mz, x, y, z = values
-        self.tau_cmd_wheel = (a, b, c, d)
+        count = len(self.tau_cmd_wheel)
+        mx, my, mz, x, y, z = values[count:]
+        self.tau_cmd_wheel = values[:count]
         self.m_cmd_body = (mx, my, mz)
         self.tau_cmd_thruster_body = (x, y, z)
 
@@ -769,10 +783,10 @@ class Wheels(Block):
     role_title = "Actuators: reaction wheels"
     typical_block = "wheels"
 
-    tau_cmd_wheel: Vec4 = Input(
+    tau_cmd_wheel: PerWheel = Input(
         "N.m", "torque command to each rotor", source="manager.tau_cmd_wheel"
     )
-    speed_cmd_wheel: Vec4 = Input(
+    speed_cmd_wheel: PerWheel = Input(
         "rad/s", "speed command to each rotor, relative to the body"
     )
     omega_bi_body: Vec3 = Input(
@@ -780,12 +794,12 @@ class Wheels(Block):
         "angular rate of the body relative to eci, body",
         source="spacecraft.omega_bi_body",
     )
-    tau_mean_wheel: Vec4 = Output(
+    tau_mean_wheel: PerWheel = Output(
         "N.m",
         "net torque on each rotor, friction included, mean over the step",
         slope="tau_slope_wheel",
     )
-    tau_slope_wheel: Vec4 = Output(
+    tau_slope_wheel: PerWheel = Output(
         "N.m", "net torque on each rotor, slope", interval=True
     )
     tau_jitter_body: Vec3 = Output(
@@ -793,19 +807,21 @@ class Wheels(Block):
         "disturbance of unbalanced rotors on the body, body, mean over the step",
         mean=True,
     )
-    h_wheel: Vec4 = Output(
+    h_wheel: PerWheel = Output(
         "N.m.s",
         "axial momentum of each wheel, absolute: J_s (Omega + g.omega)",
         starts_from=("omega_bi_body",),
     )
-    speed_wheel: Vec4 = Output(
+    speed_wheel: PerWheel = Output(
         "rad/s",
         "speed of each rotor relative to the body, at the step's begin",
         interval=True,
         starts_from=("omega_bi_body",),
     )
-    saturated_wheel: Flags4 = Output("1", "true: the wheel is at its momentum limit")
-    failed_wheel: Flags4 = Output("1", "true: the wheel has failed")
+    saturated_wheel: WheelFlags = Output(
+        "1", "true: the wheel is at its momentum limit"
+    )
+    failed_wheel: WheelFlags = Output("1", "true: the wheel has failed")
     power: float = Output(
         "W",
         "electric power of all wheels, nothing recovered",

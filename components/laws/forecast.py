@@ -126,7 +126,8 @@ def predict(
     """
     drift = [ZERO] * predictive.INTERVALS
     effect = [ZERO] * (predictive.ACTUATORS * predictive.INTERVALS)
-    wheel_axes = [ZERO] * (predictive.WHEELS * predictive.PATH_INTERVALS)
+    wheels = len(craft.to_wheels) // 3
+    wheel_axes = [ZERO] * (wheels * predictive.PATH_INTERVALS)
     orbit = elements_from_state(r, v)
     before = _kept_momentum(craft, pointing, pointing.t, pointing.q, r, v)
     strength, rate_square_sum, begin = 0.0, 0.0, 0.0
@@ -160,10 +161,10 @@ def predict(
         after = _kept_momentum(craft, pointing, pointing.t + begin, q, r_at, v_at)
         drift[k] = sub(push, sub(after, before))
         before = after
-        for j in range(predictive.WHEELS if actuators == predictive.COILS else 0):
+        for j in range(wheels if actuators == predictive.COILS else 0):
             w = craft.to_wheels
             axis = rotate_back(q, (w[3 * j], w[3 * j + 1], w[3 * j + 2]))
-            wheel_axes[predictive.WHEELS * k + j] = axis
+            wheel_axes[wheels * k + j] = axis
     return Forecast(
         tuple(drift),
         tuple(effect),

@@ -11,10 +11,11 @@ Torques N m, momenta N m s, field T, rates rad/s. Body frame, or along the wheel
 
 from __future__ import annotations
 
-from ..contract.block import Flags4, Mat34, Vec3, Vec4
-from ..maths.vector import ZERO, cross, dot, norm, scale
+from ..contract.block import PerWheel, Vec3, WheelColumns, WheelFlags
+from ..maths.vector import ZERO, cross, dot, inner, norm, scale
+from ..physics.wheel_array import null_part, pseudo_inverse
 
-NO_NULL_SPACE: Vec4 = (0.0, 0.0, 0.0, 0.0)
+FOUR = 4  # wheels, whose null space is a line
 
 
 def hysteresis(on: bool, x: float, low: float, high: float) -> bool:
@@ -23,19 +24,16 @@ def hysteresis(on: bool, x: float, low: float, high: float) -> bool:
 
 
 def unloading(
-    on: Flags4, h: Vec4, low: float, high: float, paper_signed: bool = False
-) -> Flags4:
+    on: WheelFlags, h: PerWheel, low: float, high: float, paper_signed: bool = False
+) -> WheelFlags:
     """Select the wheels whose momentum is to be dumped: eq. 23 on |h_i|.
 
     It has a hysteresis from low to high (N m s). `paper_signed` takes h_i as eq. 23 is
     printed, which never unloads a wheel that turns backwards.
     """
-    a, b, c, d = h if paper_signed else map(abs, h)
-    return (
-        hysteresis(on[0], a, low, high),
-        hysteresis(on[1], b, low, high),
-        hysteresis(on[2], c, low, high),
-        hysteresis(on[3], d, low, high),
+    return tuple(
+        hysteresis(is_on, x if paper_signed else abs(x), low, high)
+        for is_on, x in zip(on, h, strict=True)
     )
 
 
@@ -72,14 +70,18 @@ def velocity_torque(omega_B: Vec3, gain: float) -> Vec3:
     return scale(-gain, omega_B)
 
 
-def null_vector(axes: Mat34) -> Vec4:
+def null_vector(axes: WheelColumns) -> PerWheel:
     """Compute n with A n = 0: (1, -1, 1, -1) for a pyramid.
 
-    Its largest element is +-1, the first of those +1. The components are the minors of
-    A. Zero where the existing wheels have no null space: fewer than four, or axes in
-    one plane.
+    Its largest element is +-1, the first of those +1. Of four wheels the components are
+    the minors of A; zero where the existing ones have no null space: fewer than four,
+    or axes in one plane. Of another number it is what the null space has of
+    (1, -1, 1, ...).
     """
-    p, q, r, s = ((axes[i], axes[4 + i], axes[8 + i]) for i in range(4))
+    count = len(axes) // 3
+    if count != FOUR:
+        return _nearest_null(axes)
+    p, q, r, s = ((axes[i], axes[count + i], axes[2 * count + i]) for i in range(4))
     minors = (
         dot(q, cross(r, s)),
         -dot(p, cross(r, s)),
@@ -88,22 +90,49 @@ def null_vector(axes: Mat34) -> Vec4:
     )
     largest = max(minors, key=abs)
     if abs(largest) < 1e-9 or ZERO in (p, q, r, s):
-        return NO_NULL_SPACE
+        return (0.0,) * count
     # of elements of equal size the first becomes +1, independent of rounding
     first = next(x for x in minors if abs(x) > (1.0 - 1e-9) * abs(largest))
-    a, b, c, d = (x / first for x in minors)
-    return (a, b, c, d)
+    return tuple(minors[i % 4] / first for i in range(count))
 
 
-def null_torque(h: Vec4, n: Vec4, gain: float, limit: float) -> Vec4:
-    """Compute -gain (h.n / n.n) n (N m), which drains the null-space momentum.
+def _nearest_null(axes: WheelColumns) -> PerWheel:
+    """Return what the null space has of (1, -1, 1, ...), its largest element +-1."""
+    count = len(axes) // 3
+    present = tuple(
+        (axes[i], axes[count + i], axes[2 * count + i]) != ZERO for i in range(count)
+    )
+    alternating = tuple((1.0 - 2.0 * (i % 2)) * present[i] for i in range(count))
+    n = null_part(axes, pseudo_inverse(axes), alternating)
+    largest = max(abs(x) for x in n)
+    if largest < 1e-9:
+        return (0.0,) * count
+    return tuple(x / largest for x in n)
 
-    n is the null vector, so the torque does not move the body. gain in 1/s; no wheel
+
+def null_torque(h: PerWheel, n: PerWheel, gain: float, limit: float) -> PerWheel:
+    """Compute -gain (h.n / n.n) n (N m), which drains the momentum along n.
+
+    n is of the null space, so the torque does not move the body. gain in 1/s; no wheel
     gets more than `limit`.
     """
-    size2 = n[0] * n[0] + n[1] * n[1] + n[2] * n[2] + n[3] * n[3]
+    size2 = inner(n, n)
     if size2 == 0.0:
-        return NO_NULL_SPACE
-    along = h[0] * n[0] + h[1] * n[1] + h[2] * n[2] + h[3] * n[3]
-    t = min(max(-gain * along / size2, -limit), limit)
-    return (t * n[0], t * n[1], t * n[2], t * n[3])
+        return (0.0,) * len(h)
+    t = min(max(-gain * inner(h, n) / size2, -limit), limit)
+    return tuple(t * x for x in n)
+
+
+def null_direction(
+    h: PerWheel, axes: WheelColumns, to_wheels: tuple[float, ...], null: PerWheel
+) -> PerWheel:
+    """Return the direction of the null space along which h (N m s) is drained.
+
+    It is `null` of four wheels; of more it is what they hold against each other, whose
+    largest element is made +-1.
+    """
+    if len(h) == FOUR:
+        return null
+    against = null_part(axes, to_wheels, h)
+    largest = max(abs(x) for x in against)
+    return null if largest == 0.0 else tuple(x / largest for x in against)

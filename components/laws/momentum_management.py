@@ -17,19 +17,20 @@ from __future__ import annotations
 
 from math import acos, cos, inf, pi, sqrt
 
-from ..contract.block import Mat33, Mat34, Table, Vec3, Vec4
-from ..maths.vector import ZERO, add, cross, dot, inverse, mat_vec, scale, sub
+from ..contract.block import Mat33, Mat34, Table, Vec3, Vec4, WheelColumns
+from ..maths.vector import ZERO, add, cross, dot, inner, inverse, mat_vec, scale, sub
 
 # Numbers in a row of the preview's tables: the upper triangle xx, xy, xz, yy, yz, zz; a
 # vector.
 GAIN, COSTATE = 6, 3
 
 
-def weighting(axes: Mat34) -> Mat33:
+def weighting(axes: WheelColumns) -> Mat33:
     """Compute S = A A' (1) of a mounting matrix A, its columns the axes."""
-    x, y, z = axes[0:4], axes[4:8], axes[8:12]
-    xy, xz, yz = _dot4(x, y), _dot4(x, z), _dot4(y, z)
-    return (_dot4(x, x), xy, xz, xy, _dot4(y, y), yz, xz, yz, _dot4(z, z))
+    count = len(axes) // 3
+    x, y, z = axes[:count], axes[count : 2 * count], axes[2 * count :]
+    xy, xz, yz = inner(x, y), inner(x, z), inner(y, z)
+    return (inner(x, x), xy, xz, xy, inner(y, y), yz, xz, yz, inner(z, z))
 
 
 def without(axes: Mat34, dead: int) -> Mat34:
@@ -257,8 +258,3 @@ def _slope(table: Table, k: int, i: int, first: int, last: int) -> float:
     if i == last:
         return 0.5 * (3.0 * table[j] - 4.0 * table[j - 3] + table[j - 6])
     return 0.5 * (table[j + 3] - table[j - 3])
-
-
-def _dot4(a: Table, b: Table) -> float:
-    """Compute the scalar product of two rows of four."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]

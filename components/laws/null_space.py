@@ -1,4 +1,4 @@
-"""Hold the momentum in the null space of four wheels relative to that of the last orbit.
+"""Hold the momentum in the null space of the wheels relative to that of the last orbit.
 
 Momentum in the null space is no momentum of the craft, so that no coil can remove it,
 and wheels that are driven against each other change it without a torque on the body. It
@@ -12,7 +12,8 @@ from __future__ import annotations
 from math import copysign, inf
 from typing import NamedTuple
 
-from ..contract.block import Table, Vec4
+from ..contract.block import PerWheel, Table
+from ..maths.vector import inner
 from .integrated import null_torque
 
 BINS = 8  # parts of an orbit whose largest wheel momenta are stored
@@ -51,16 +52,21 @@ def store_peak(peaks: Peaks, t: float, orbit: float, largest: float) -> Peaks:
 
 
 def drive_to_level(
-    h: Vec4, null: Vec4, rate: float, peak: float, capacity: float, weight: float
-) -> Vec4:
+    h: PerWheel,
+    null: PerWheel,
+    rate: float,
+    peak: float,
+    capacity: float,
+    weight: float,
+) -> PerWheel:
     """Compute wheel torques (N m) by which null-space momentum decays to its level.
 
     Parameters
     ----------
-    h : Vec4
+    h : PerWheel
         Momentum of the wheels (N m s).
-    null : Vec4
-        Of `integrated.null_vector`.
+    null : PerWheel
+        Of `integrated.null_direction`.
     rate : float
         Rate of the decay (1/s).
     peak : float
@@ -70,15 +76,12 @@ def drive_to_level(
     weight : float
         Of time near standstill against momentum in the null space (1); 0: none.
     """
-    p, q, r, s = null
-    a, b, c, d = h
-    size2 = p * p + q * q + r * r + s * s
-    along = (p * a + q * b + r * c + s * d) / max(size2, 1.0)
+    along = inner(null, h) / max(inner(null, null), 1.0)
     level = min(max(along, -NULL_MOMENTUM * peak), NULL_MOMENTUM * peak)
     if weight > 0.0:
         size = weight * (peak + STANDSTILL * capacity)
         if capacity > 0.0:
             size = min(size, max(MOST_FILL * capacity - peak, 0.0))
         level = copysign(size, along)
-    excess = (a - level * p, b - level * q, c - level * r, d - level * s)
+    excess = tuple(x - level * y for x, y in zip(h, null, strict=True))
     return null_torque(excess, null, rate, inf)

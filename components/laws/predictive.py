@@ -58,7 +58,6 @@ PATH_INTERVALS = 40  # maximum number of intervals of a plan by `plan_path`
 COILS = 3  # commands to coils in an interval
 THRUSTERS = 3  # axes of thrusters
 ACTUATORS = COILS + THRUSTERS
-WHEELS = 4
 STEPS = 30  # maximum number of Newton steps of a plan by `plan_path`
 HALVINGS = 12  # maximum number of halvings of a Newton step
 TRIALS = 80  # maximum number of trials in each stage of `plan_unloading`
@@ -115,7 +114,7 @@ class PathProblem(NamedTuple):
     effect: Vectors  # g_kj, COILS an interval (N m s by a unit of u)
     price: float  # r
     limits: Table  # u_max,j
-    wheel_axes: Vectors  # a_ki, WHEELS an interval
+    wheel_axes: Vectors  # a_ki, one of each wheel an interval
     offset: Table  # b_i (N m s)
     stiffness: float  # q
     peak: float  # w_p; 0: peaks have no cost
@@ -164,8 +163,8 @@ def path_cost_derivatives(problem: PathProblem, k: int, x: Vec3) -> tuple[Vec3, 
     gradient = scale(problem.stiffness, x)
     hessian = matrix.scale(problem.stiffness, IDENTITY)
     if peak > 0.0:
-        for i in range(WHEELS):
-            axis = problem.wheel_axes[WHEELS * k + i]
+        for i in range(len(problem.offset)):
+            axis = problem.wheel_axes[len(problem.offset) * k + i]
             s = (dot(axis, x) + problem.offset[i]) / peak_scale
             s2 = s * s
             s4 = s2 * s2
@@ -251,8 +250,8 @@ def _add_interval_cost(
         cost += problem.dt[k] * (0.5 * problem.price * v * v)
     path = 0.5 * problem.stiffness * dot(x, x)
     if problem.peak > 0.0:
-        for i in range(WHEELS):
-            axis = problem.wheel_axes[WHEELS * k + i]
+        for i in range(len(problem.offset)):
+            axis = problem.wheel_axes[len(problem.offset) * k + i]
             s = (dot(axis, x) + problem.offset[i]) / problem.peak_scale
             s2 = s * s
             s4 = s2 * s2
@@ -501,8 +500,8 @@ def find_largest_momentum(problem: PathProblem, path: Vectors) -> float:
     """Find the largest momentum of a wheel (N m s) along X_1 .. X_count."""
     largest = 0.0
     for k in range(problem.intervals):
-        for i in range(WHEELS):
-            a, b, c = problem.wheel_axes[WHEELS * k + i]
+        for i in range(len(problem.offset)):
+            a, b, c = problem.wheel_axes[len(problem.offset) * k + i]
             x = path[k]
             h = problem.offset[i] + a * x[0] + b * x[1] + c * x[2]
             largest = max(largest, abs(h))

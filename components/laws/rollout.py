@@ -26,14 +26,13 @@ from __future__ import annotations
 from math import inf
 from typing import NamedTuple
 
-from ..contract.block import Mat33, Mat34, Table, Vec3, Vec4
+from ..contract.block import Mat33, PerWheel, Table, Vec3, WheelColumns
 from ..maths.noise import stream, uniform
 from ..maths.vector import add, clip, cross, mat_vec, scale, sub
+from ..physics.wheel_array import body_momentum
 from .acquisition import all_coils, within
 
 SEGMENTS = 4
-_WHEELS = 4
-NOTHING: Table = (0.0,) * (SEGMENTS * _WHEELS)
 _KEY = stream("rollout", "sequence", 0)
 TURN = 0.25  # rad, rotation in a step up to which the model is trusted
 # Torques are drawn up to this multiple of their limit, so that a third of them is at
@@ -46,9 +45,9 @@ class Model(NamedTuple):
 
     carrier: Mat33  # J_r (kg m2, body)
     inverse: Mat33  # inverse of J_r (1/(kg m2))
-    axes: Mat34  # columns: the wheels' axes, body; zero where there is no wheel
+    axes: WheelColumns  # columns: the wheels' axes, body; zero where there is no wheel
     m_limit: float  # A m2, of each coil
-    torque_limit: Vec4  # N m, of each wheel; 0 where there is none
+    torque_limit: PerWheel  # N m, of each wheel; 0 where there is none
     h_limit: float  # N m s, beyond which a wheel is not driven further
     gain: float  # K (A m2 s/T)
     gain_wheel: float  # K_w (N m s)
@@ -62,61 +61,39 @@ class Sequence(NamedTuple):
     The first segment began `elapsed_steps` ago.
     """
 
-    torques: Table  # (SEGMENTS, 4), N m, to each rotor
+    torques: Table  # (SEGMENTS, wheels), N m, to each rotor
     segments: int  # number of segments in use, after which the law applies
     elapsed_steps: int  # steps since the first segment began
 
 
-def none() -> Sequence:
+def none(model: Model) -> Sequence:
     """Return the sequence without torques: the law from now on."""
-    return Sequence(NOTHING, 0, 0)
+    return Sequence((0.0,) * (SEGMENTS * len(model.torque_limit)), 0, 0)
 
 
-def by_law(model: Model, omega: Vec3) -> Vec4:
+def by_law(model: Model, omega: Vec3) -> PerWheel:
     """Compute u_i = K_w g_i . omega within the limit (N m, to each rotor)."""
-    g = model.axes
-    return (
+    g, count = model.axes, len(model.torque_limit)
+    return tuple(
         within(
-            model.gain_wheel * (g[0] * omega[0] + g[4] * omega[1] + g[8] * omega[2]),
-            model.torque_limit[0],
-        ),
-        within(
-            model.gain_wheel * (g[1] * omega[0] + g[5] * omega[1] + g[9] * omega[2]),
-            model.torque_limit[1],
-        ),
-        within(
-            model.gain_wheel * (g[2] * omega[0] + g[6] * omega[1] + g[10] * omega[2]),
-            model.torque_limit[2],
-        ),
-        within(
-            model.gain_wheel * (g[3] * omega[0] + g[7] * omega[1] + g[11] * omega[2]),
-            model.torque_limit[3],
-        ),
+            model.gain_wheel
+            * (g[i] * omega[0] + g[count + i] * omega[1] + g[2 * count + i] * omega[2]),
+            model.torque_limit[i],
+        )
+        for i in range(count)
     )
 
 
-def of_sequence(torques: Table, segment: int) -> Vec4:
+def of_sequence(model: Model, torques: Table, segment: int) -> PerWheel:
     """Return the torques of a segment (N m)."""
-    k = _WHEELS * segment
-    return (torques[k], torques[k + 1], torques[k + 2], torques[k + 3])
+    count = len(model.torque_limit)
+    return tuple(torques[count * segment + i] for i in range(count))
 
 
-def stop_overspeed(u: Vec4, h: Vec4, limit: float) -> Vec4:
+def stop_overspeed(u: PerWheel, h: PerWheel, limit: float) -> PerWheel:
     """Return u without the torques that drive a wheel further beyond its limit."""
-    return (
-        0.0 if abs(h[0]) >= limit and u[0] * h[0] > 0.0 else u[0],
-        0.0 if abs(h[1]) >= limit and u[1] * h[1] > 0.0 else u[1],
-        0.0 if abs(h[2]) >= limit and u[2] * h[2] > 0.0 else u[2],
-        0.0 if abs(h[3]) >= limit and u[3] * h[3] > 0.0 else u[3],
-    )
-
-
-def along(axes: Mat34, x: Vec4) -> Vec3:
-    """Sum g_i x_i over the wheels, body."""
-    return (
-        axes[0] * x[0] + axes[1] * x[1] + axes[2] * x[2] + axes[3] * x[3],
-        axes[4] * x[0] + axes[5] * x[1] + axes[6] * x[2] + axes[7] * x[3],
-        axes[8] * x[0] + axes[9] * x[1] + axes[10] * x[2] + axes[11] * x[3],
+    return tuple(
+        0.0 if abs(y) >= limit and x * y > 0.0 else x for x, y in zip(u, h, strict=True)
     )
 
 
@@ -129,7 +106,7 @@ def predict_cost(
     model: Model,
     omega: Vec3,
     b: Vec3,
-    h: Vec4,
+    h: PerWheel,
     torques: Table,
     segments: int,
     elapsed_steps: int,
@@ -156,28 +133,23 @@ def predict_cost(
         u = (
             by_law(model, omega)
             if free
-            else of_sequence(torques, (k + elapsed_steps) // length)
+            else of_sequence(model, torques, (k + elapsed_steps) // length)
         )
         u = stop_overspeed(u, h, model.h_limit)
         omega, b = propagate_step(model, omega, b, h, m, u)
-        h = (
-            h[0] + model.step * u[0],
-            h[1] + model.step * u[1],
-            h[2] + model.step * u[2],
-            h[3] + model.step * u[3],
-        )
+        h = tuple(x + model.step * y for x, y in zip(h, u, strict=True))
     return horizon + largest(omega) / model.rate_limit
 
 
 def propagate_step(
-    model: Model, omega: Vec3, b: Vec3, h: Vec4, m: Vec3, u: Vec4
+    model: Model, omega: Vec3, b: Vec3, h: PerWheel, m: Vec3, u: PerWheel
 ) -> tuple[Vec3, Vec3]:
     """Propagate (omega, b) over a step with m (A m2) and u (N m) held.
 
     Midpoint rule.
     """
     dt = model.step
-    tau, w = along(model.axes, u), along(model.axes, h)
+    tau, w = body_momentum(model.axes, u), body_momentum(model.axes, h)
     slope = _slope(model, omega, b, m, tau, w)
     turn = cross(b, omega)
     middle = add(omega, scale(0.5 * dt, slope))
@@ -197,7 +169,7 @@ def sought(
     model: Model,
     omega: Vec3,
     b: Vec3,
-    h: Vec4,
+    h: PerWheel,
     before: Sequence,
     index: int,
     rounds: int,
@@ -211,10 +183,11 @@ def sought(
     length (steps): of a segment; horizon (steps): of a simulation.
     """
     fastest = max(TURN / model.step, largest(omega))
-    cost = predict_cost(model, omega, b, h, NOTHING, 0, 0, length, horizon, inf, inf)
-    torques, segments, elapsed_steps = NOTHING, 0, 0
+    count = len(model.torque_limit)
+    torques, segments, elapsed_steps = none(model)
+    cost = predict_cost(model, omega, b, h, torques, 0, 0, length, horizon, inf, inf)
     if cost <= 0.0:
-        return none(), cost
+        return none(model), cost
     again = predict_cost(
         model,
         omega,
@@ -235,19 +208,19 @@ def sought(
     for k in range(rounds):
         centre, used, centre_elapsed = torques, segments, elapsed_steps
         for i in range(candidates):
-            number = (candidates * k + i) * (SEGMENTS * _WHEELS)
+            number = (candidates * k + i) * (SEGMENTS * count)
             anew = k == 0 or used == 0
-            about = NOTHING if anew else centre
+            about = none(model).torques if anew else centre
             trial = tuple(
                 within(
                     about[j]
                     + spread
                     * _BEYOND
-                    * model.torque_limit[j % _WHEELS]
+                    * model.torque_limit[j % count]
                     * (2.0 * uniform(_KEY, index, number + j) - 1.0),
-                    model.torque_limit[j % _WHEELS],
+                    model.torque_limit[j % count],
                 )
-                for j in range(SEGMENTS * _WHEELS)
+                for j in range(SEGMENTS * count)
             )
             many = 1 + i % SEGMENTS if anew else used
             since = 0 if anew else centre_elapsed

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from math import cos, sin, sqrt
 
-from ..contract.block import Mat33, Vec3
+from ..contract.block import Mat33, Table, Vec3
 
 ZERO: Vec3 = (0.0, 0.0, 0.0)
 AXES: tuple[Vec3, Vec3, Vec3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -28,6 +28,14 @@ def sub(a: Vec3, b: Vec3) -> Vec3:
 def scale(s: float, a: Vec3) -> Vec3:
     """Multiply a vector by a number: s a."""
     return (s * a[0], s * a[1], s * a[2])
+
+
+def inner(a: Table, b: Table) -> float:
+    """Compute the inner product of vectors of any length."""
+    total = a[0] * b[0]
+    for i in range(1, len(a)):
+        total += a[i] * b[i]
+    return total
 
 
 def dot(a: Vec3, b: Vec3) -> float:

@@ -10,18 +10,20 @@ from __future__ import annotations
 
 from math import sqrt
 
-from ..contract.block import BlockError, Mat33, Mat34, Vec3, Vec4
+from ..contract.block import BlockError, Mat33, PerWheel, Vec3, WheelColumns
 from ..maths.vector import dot, inverse, mat_vec
 
 
-def carrier_inertia(inertia: Mat33, axes: Mat34, inertia_wheel: Vec4) -> Mat33:
+def carrier_inertia(
+    inertia: Mat33, axes: WheelColumns, inertia_wheel: PerWheel
+) -> Mat33:
     """Compute the inertia J_r (kg m2) without the wheels' axial part.
 
     J_r = J - sum J_s g g'.
     """
-    carrier = list(inertia)
+    carrier, count = list(inertia), len(inertia_wheel)
     for i, j_s in enumerate(inertia_wheel):
-        g = (axes[i], axes[4 + i], axes[8 + i])
+        g = (axes[i], axes[count + i], axes[2 * count + i])
         for row in range(3):
             for column in range(3):
                 carrier[3 * row + column] -= j_s * g[row] * g[column]

@@ -1,43 +1,46 @@
-"""Compute with axial quantities of up to four actuators on axes fixed in the body.
+"""Compute with axial quantities of actuators on axes fixed in the body.
 
-The actuators are wheels or coils. The axes are the columns of a 3 x 4 matrix
+The actuators are wheels or coils. The axes are the columns of a matrix of three rows
 (row-major, body frame); a column of zeros stands for an actuator that does not exist.
 """
 
 from __future__ import annotations
 
-from ..contract.block import Mat33, Mat34, Vec3, Vec4
+from ..contract.block import Mat33, PerWheel, Vec3, Vec4, WheelColumns
 from ..maths.vector import inverse
 
 _NEGLIGIBLE = 1e-9  # ratio of two eigenvalues of A A' below which the smaller one is 0
 
 
-def body_momentum(axes: Mat34, h: Vec4) -> Vec3:
+def body_momentum(axes: WheelColumns, h: PerWheel) -> Vec3:
     """Sum the axial quantities h in the body frame: A h."""
-    a, b, c, d = h
-    return (
-        axes[0] * a + axes[1] * b + axes[2] * c + axes[3] * d,
-        axes[4] * a + axes[5] * b + axes[6] * c + axes[7] * d,
-        axes[8] * a + axes[9] * b + axes[10] * c + axes[11] * d,
-    )
+    count = len(h)
+    x, y, z = axes[0] * h[0], axes[count] * h[0], axes[2 * count] * h[0]
+    for i in range(1, count):
+        x += axes[i] * h[i]
+        y += axes[count + i] * h[i]
+        z += axes[2 * count + i] * h[i]
+    return (x, y, z)
 
 
-def pseudo_inverse(axes: Mat34) -> tuple[float, ...]:
-    """Compute A^+ = A' (A A')^+ as 4 rows of 3.
+def pseudo_inverse(axes: WheelColumns) -> tuple[float, ...]:
+    """Compute A^+ = A' (A A')^+, a row of 3 for each actuator.
 
     It gives least squares where the axes do not span the space.
     """
-    rows = (axes[0:4], axes[4:8], axes[8:12])
-    gram = tuple(
-        0.0 + p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]
-        for p in rows
-        for q in rows
-    )
-    m = _gram_inverse(gram)  # type: ignore[arg-type]
-    a, b, c = rows
+    count = len(axes) // 3
+    gram = [0.0] * 9
+    for j in range(3):
+        for k in range(3):
+            for i in range(count):
+                gram[3 * j + k] += axes[count * j + i] * axes[count * k + i]
+    m = _gram_inverse(tuple(gram))  # type: ignore[arg-type]
     return tuple(
-        0.0 + a[i] * m[j] + b[i] * m[3 + j] + c[i] * m[6 + j]
-        for i in range(4)
+        0.0
+        + axes[i] * m[j]
+        + axes[count + i] * m[3 + j]
+        + axes[2 * count + i] * m[6 + j]
+        for i in range(count)
         for j in range(3)
     )
 
@@ -75,12 +78,12 @@ def _gram_inverse(gram: Mat33) -> Mat33:
 
 def wheel_torque(
     pinv: tuple[float, ...],
-    axes: Mat34,
+    axes: WheelColumns,
     absorbed_torque: Vec3,
     tau_body: Vec3,
     omega: Vec3,
-    h: Vec4,
-) -> Vec4:
+    h: PerWheel,
+) -> PerWheel:
     """Compute the torques on the rotors (N m) for a torque tau_body (N m) on the body.
 
     h' = A^+ (absorbed_torque - tau_body - omega x A h): the wheels take the external torque
@@ -99,17 +102,26 @@ def wheel_torque(
     )
 
 
-def to_wheels(pinv: tuple[float, ...], v: Vec3) -> Vec4:
+def to_wheels(pinv: tuple[float, ...], v: Vec3) -> PerWheel:
     """Distribute v to the wheels: A^+ v.
 
     These are the axial quantities of least norm whose body-frame sum is v or nearest to
     it.
     """
     x, y, z = v
-    p = pinv
-    return (
-        p[0] * x + p[1] * y + p[2] * z,
-        p[3] * x + p[4] * y + p[5] * z,
-        p[6] * x + p[7] * y + p[8] * z,
-        p[9] * x + p[10] * y + p[11] * z,
+    return tuple(
+        pinv[3 * i] * x + pinv[3 * i + 1] * y + pinv[3 * i + 2] * z
+        for i in range(len(pinv) // 3)
     )
+
+
+def to_coils(pinv: tuple[float, ...], v: Vec3) -> Vec4:
+    """Distribute v to four coils, as `to_wheels`."""
+    a, b, c, d = to_wheels(pinv, v)
+    return (a, b, c, d)
+
+
+def null_part(axes: WheelColumns, pinv: tuple[float, ...], h: PerWheel) -> PerWheel:
+    """Return what the wheels hold against each other: (1 - A^+ A) h."""
+    least = to_wheels(pinv, body_momentum(axes, h))
+    return tuple(x - y for x, y in zip(h, least, strict=True))

@@ -194,7 +194,7 @@ def hardware_of(system: System) -> Hardware:
     flat = (tuple(np.ravel(x).tolist()) for x in (inertia, axes, rotors))
     carrier = np.reshape(carrier_inertia(*flat), (3, 3))
     capacity = capacities({"axes_wheel": axes, **wheels})
-    works = existing(wheels or {"axes_wheel": axes}) & ~_failed(system)
+    works = existing(wheels or {"axes_wheel": axes}) & ~_failed(system, axes.shape[1])
     axes, capacity = axes * works, capacity * works
     axes_coil = np.reshape(coils["axes_coil"], (3, -1))
     period, quiet = coils.get("sample_time", 0.0), coils.get("quiet_time", 0.0)
@@ -222,9 +222,9 @@ def hardware_of(system: System) -> Hardware:
     )
 
 
-def _failed(system: System) -> NDArray[np.bool_]:
-    """Return which wheels (4,) fail before the run ends."""
-    wheels, failed = system.roles.get("wheels"), np.zeros(4, bool)
+def _failed(system: System, count: int) -> NDArray[np.bool_]:
+    """Return which of `count` wheels fail before the run ends."""
+    wheels, failed = system.roles.get("wheels"), np.zeros(count, bool)
     if wheels is None or "failed" not in wheels.values or wheels.block is None:
         return failed
     failed_name = wheels.choice("failed")
@@ -612,7 +612,8 @@ def native_of(block: Block) -> Component | None:
     None where there is no such FMU.
     """
     model = type(block).__module__.rpartition(".")[2]
-    fmu = library.of_ours(f"{model}.fmu") if model in names() else None
+    sizes = tuple(sorted(block.sizes.items()))
+    fmu = library.of_block(model, sizes) if model in names() else None
     if fmu is None or fmu.path.parent.name != "native":
         return None
     signals = fmu.interface.signals.values()

@@ -79,16 +79,12 @@ from .spread import (
 )
 from .surfaces import AROUND, Surfaces, surfaces_of
 from .torques import GivenTorque, given_torque
+from .wheel_layout import PYRAMID, layout_of
 from .windows import Windows, windows_of
 
 Array = NDArray[np.float64]
 # the last two only for a craft with rods
 SCENARIOS = ("nominal", "worst", "detumbling", "rollout")
-LAYOUTS = ("pyramid", "axes")
-_S = 1.0 / math.sqrt(3.0)
-# axes of wheels, body
-PYRAMID = [[_S, -_S, -_S, _S], [_S, _S, -_S, -_S], [_S, _S, _S, _S]]
-ORTHOGONAL = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]
 HELD = 1.6  # class wheels over the cyclic momentum of a dipole at its end
 POINTINGS = ("nadir", "inertial", "sun", "yaw")
 # B-dot gain divided by mean moment of inertia, in units of the orbit rate. Of gains
@@ -141,7 +137,7 @@ class NewWheels:
 
     count: int
     inertia_si: float  # kg m2, of a rotor
-    axes_si: list[list[float]]  # (3, 4), body; zero where there is no wheel
+    axes_si: list[list[float]]  # (3, n), body; zero where there is no wheel
     axes: list[str]  # rows of axes_si
     layout_why: str
     size_why: str
@@ -1199,25 +1195,13 @@ def _wheels(
     )
     if facts.wheels is None:
         spread = class_factor("wheels")
-    match = re.fullmatch(r"\s*(\d)\s+(\w+)\s+(.+?)\s*", text)
-    if match is None:
-        raise DesatError(
-            f"--wheels {text}: the form is COUNT LAYOUT SIZE, as 4 pyramid 30mNms"
-        )
-    count, layout = int(match[1]), match[2]
-    if layout not in LAYOUTS:
-        raise DesatError(
-            f"--wheels {text}: no layout {layout}{choices(layout, LAYOUTS)}"
-        )
-    if count != {"pyramid": 4, "axes": 3}[layout]:
-        raise DesatError(
-            f"--wheels {text}: {layout} has {4 if layout == 'pyramid' else 3} wheels"
-        )
-    name, figures, capacity = _of_class(WHEELS, "wheels", "capacity", match[3])
+    layout = layout_of(text)
+    count = layout.count
+    name, figures, capacity = _of_class(WHEELS, "wheels", "capacity", layout.size)
     speed = quantity("--wheels", figures["speed"], "rad/s")
     share = capacity / quantity("--wheels", figures["capacity"], "N.m.s")
     torque = share * quantity("--wheels", figures["torque"], "N.m")
-    axes = PYRAMID if count == 4 else ORTHOGONAL
+    axes = layout.axes
     if (needs := cycle(axes, dipole.vector)) > capacity:
         raise DesatError(
             f"--wheels: {cyclic.shortfall(needs, capacity)}: take at least "
@@ -1225,21 +1209,20 @@ def _wheels(
         )
     rotor = capacity / speed
     viscous, coulomb = friction(torque, speed)
-    held = (
-        "a pyramid along (+-1, +-1, 1)" if count == 4 else "one wheel along each axis"
-    )
     return NewWheels(
         count=count,
         inertia_si=rotor,
         axes_si=axes,
         axes=["[" + ", ".join(f"{x:.16g}" for x in row) + "]" for row in axes],
-        layout_why=held,
+        layout_why=layout.words,
         size_why="torque" if facts.wheels else f"class: {origin}",
-        null=count == 4,
+        null=count > 3,
         capacity=f"{capacity * 1e3:g} mN m s",
         speed=figures["speed"],
         class_name=name,
-        inertia="[" + ", ".join([f"{rotor:.9g}"] * count + ["0.0"] * (4 - count)) + "]",
+        inertia="["
+        + ", ".join([f"{rotor:.9g}"] * count + ["0.0"] * (len(axes[0]) - count))
+        + "]",
         torque=f"{torque * 1e3:.4g} mN.m",
         torque_si=torque,
         capacity_si=capacity,

@@ -109,10 +109,8 @@ def _add_scenario(
         draft.origins[output] = at("output_classes", output)
     for name, source in content.sources.items():
         is_ours = "/" not in source and not source.endswith(".fmu")
-        file = f"resources/{source}.fmu" if is_ours else source
-        fmu = library.find(file, scenario.folder)
-        if is_ours and fmu is None:
-            fmu = library.of_ours(file)
+        file, fmu = draft.of_ours(source) if is_ours else (source, None)
+        fmu = library.find(file, scenario.folder) or fmu
         label = file.rpartition("/")[2]
         origin = at("sources", name)
         replace_fmu(draft, name, file, fmu, origin, label, options.blocks)
@@ -271,10 +269,11 @@ def _chosen_fmu(
     if not source:
         raise DesatError(f"--source {text}: the form is COMPONENT=FMU")
     file = Path(source)
-    in_archive = source if file.suffix == ".fmu" else f"resources/{source}.fmu"
+    if not own.is_own(source) and file.suffix != ".fmu" and not file.is_file():
+        return name, *draft.of_ours(source), source
     if not own.is_own(source):
-        fmu = library.load(file) if file.is_file() else library.of_ours(in_archive)
-        return name, in_archive, fmu, source
+        fmu = library.load(file) if file.is_file() else library.of_ours(source)
+        return name, source, fmu, source
     if options.blocks:
         raise DesatError(
             f"--source {text}: --blocks runs our blocks, not a file of your own"

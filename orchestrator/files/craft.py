@@ -69,6 +69,7 @@ KEYS = (
     "dispersions",  # read with the scenarios (`scenario.py`)
 )
 BODY = ("mass", "sides")
+WHEELS = range(3, 9)  # how many wheels a craft may have
 
 
 def files(folder: Path) -> list[Path]:
@@ -134,6 +135,7 @@ def read(path: Path, options: Options) -> Draft:
     _read_top(file, draft)
     file.table("dispersions")  # says so where it is none
     _read_body(file, draft)
+    _read_sizes(file, draft)
     for name, source in file.table("components").items():
         _read_component(file, draft, name, source, options)
     file.stop_here()
@@ -198,6 +200,21 @@ def _read_body(file: CraftFile, draft: Draft) -> None:
         file.problems.append(str(error))
 
 
+def _read_sizes(file: CraftFile, draft: Draft) -> None:
+    """Count the wheels and the nozzles, where they are not as many as usual."""
+    axes = file.table("shared").get("axes_wheel")
+    if isinstance(axes, list) and axes and isinstance(axes[0], list):
+        draft.sizes["wheels"] = _count(file, "shared.axes_wheel", len(axes[0]), WHEELS)
+
+
+def _count(file: CraftFile, key: str, count: int, allowed: range) -> int:
+    """Return a number of columns or rows, or the usual one where it is not allowed."""
+    if count in allowed:
+        return count
+    file.problem(key, f": {count} of them; {allowed[0]} to {allowed[-1]} are taken")
+    return allowed[0]
+
+
 def _quantity(file: CraftFile, key: str, unit: str, value: Any) -> float:
     """Convert a figure of the body to `unit`.
 
@@ -226,8 +243,9 @@ def _read_component(
             raise DesatError(f"no such file in {file.path.parent}")
         if not is_file and source not in registry.names():
             raise DesatError(f"no such block{nearest(source, registry.names())}")
-        fmu = library.load(path) if is_file else library.of_ours(f"{source}.fmu")
-        in_archive = source if is_file else f"resources/{source}.fmu"
+        in_archive, fmu = (
+            (source, library.load(path)) if is_file else draft.of_ours(source)
+        )
         component = component_of(
             name, in_archive, fmu, options.blocks, line=file.line(key)
         )

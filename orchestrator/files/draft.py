@@ -10,6 +10,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
+from desat.fmus import registry
+
 from ..system.body import Body
 from ..system.errors import DesatError, nearest
 from ..system.interface import OutputClass, base_name
@@ -57,6 +59,8 @@ class Draft:
     origins: dict[str, str] = field(default_factory=dict)  # of times and output classes
     about: About | None = None
     body: Body | None = None
+    # how many wheels and nozzles the craft has, if not the usual number
+    sizes: dict[str, int] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     # problems of values by component and variable, until another value replaces one
@@ -66,6 +70,12 @@ class Draft:
     # components whose wires are not yet compared with their FMU, and what put it there
     # ("": the file of the system)
     unchecked: dict[str, str] = field(default_factory=dict)
+
+    def of_ours(self, name: str) -> tuple[str, Fmu | None]:
+        """Return file in an archive and FMU of one of our blocks, with this craft's sizes."""
+        sizes = registry.sizes_of(name, self.sizes) if name in registry.names() else ()
+        source = f"resources/{registry.sized_name(name, sizes)}.fmu"
+        return source, library.of_block(name, sizes)
 
     def assign(self, assignments: Iterable[Assignment]) -> None:
         """Set parameters (or inputs) in order; what does not fit becomes a problem.

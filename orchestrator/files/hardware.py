@@ -130,8 +130,9 @@ def _wheels(typical: bool, of: Figures, axes: list[float]) -> dict[str, Any]:
         quantity("", of["torque"], "N.m"),
     )
     rotor = quantity("", of["capacity"], "N.m.s") / speed
+    count = len(axes) // 3
     parameters: dict[str, Any] = {
-        "inertia_wheel": [rotor if any(axes[i::4]) else 0.0 for i in range(4)],
+        "inertia_wheel": [rotor if any(axes[i::count]) else 0.0 for i in range(count)],
         "torque_limit": of["torque"],
         "speed_limit": of["speed"],
     }

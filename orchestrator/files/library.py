@@ -134,6 +134,9 @@ class FmuFile:
             if e["kind"] == "python"
         ):
             return interface_of_block(entry["name"])
+        name, sizes = sizes_in(self.path.stem)
+        if sizes and own.folder_of(self.path) is not None:
+            return interface_of_block(name, sizes)
         return of_fmu(self.folder, self.path.name)
 
     @cached_property
@@ -344,6 +347,31 @@ def of_ours(source: str, kind: str = "native") -> Fmu | None:
     return load(path) if path is not None else None
 
 
+def of_block(name: str, sizes: registry.Sizes) -> Fmu | None:
+    """Load the FMU of one of our blocks with such lengths, which is built if needed."""
+    if not sizes:
+        return of_ours(f"{name}.fmu")
+    file = paths.cache() / "sized" / f"{registry.sized_name(name, sizes)}.py"
+    text_of_block = registry.sized_text(name, sizes)
+    if not file.exists() or file.read_text(encoding="utf-8") != text_of_block:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        io.replace_text(file, text_of_block)
+    built = own.build(file)
+    return load(built.native or built.python)
+
+
+_SIZED = re.compile(r"(\w+?)((?:_of_\d+_[a-z]+)+)\Z")
+
+
+def sizes_in(name: str) -> tuple[str, registry.Sizes]:
+    """Split the name of a sized block into that of the block and its lengths."""
+    match = _SIZED.fullmatch(name)
+    if match is None or match[1] not in registry.names():
+        return name, ()
+    sizes = re.findall(r"_of_(\d+)_([a-z]+)", match[2])
+    return match[1], tuple(sorted((kind, int(n)) for n, kind in sizes))
+
+
 def our_file(source: str, kind: str = "native") -> Path | None:
     """Find our built FMU of a name (`resources/NAME.fmu`, `NAME.fmu`).
 
@@ -468,8 +496,9 @@ def interface_of(
     """
     name = source.rpartition("/")[2].removesuffix(".fmu")
     if blocks:
+        name, sizes = sizes_in(name)
         require(name, registry.names(), "no block")
-        return interface_of_block(name)
+        return interface_of_block(name, sizes)
     if fmu is None:
         fmu_names = {p.stem for p in paths.fmus().glob("*.fmu")}
         hint = nearest(name, fmu_names) or "; run `make fmus`"

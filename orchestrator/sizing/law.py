@@ -26,7 +26,6 @@ from desat.components.physics.wheel_array import (
     pseudo_inverse,
     to_wheels,
 )
-from desat.fmus.registry import block_class, names
 
 from ..analyses.flight import Flight, native_of
 from ..engine.instances.fmu import rows_of
@@ -85,15 +84,14 @@ def law_of(component: Component) -> Law:
     UnsuitedError
         If the model does not have it.
     """
-    model = component.model
-    if model not in names():
+    if component.block is None:
         raise UnsuitedError("it is no block of ours")
     values = {
         s.reference: component.values[s.name]
         for s in component.interface.signals.values()
         if s.causality == "parameter"
     }
-    block = block_class(model)()
+    block = component.block()
     for reference, value in values.items():
         block.access([reference]).write([value])
     target = [component.values[f"h_target_body[{i}]"] for i in (1, 2, 3)]

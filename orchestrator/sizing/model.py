@@ -155,8 +155,9 @@ def fly(
     total = np.stack(
         [np.broadcast_to(t.start, (many * len(m), 3)) for t in tracks]
     ).copy()
-    random = np.random.default_rng(SEED).normal(size=(len(push), 4))
-    noise = hardware.noise * random @ hardware.axes_wheel.T
+    axes = hardware.axes_wheel
+    random = np.random.default_rng(SEED).normal(size=(len(push), axes.shape[1]))
+    noise = hardware.noise * random @ axes.T
     away = (body + law.target)[:, :, None]
     body = body[:, :, None]
     rows, steps = len(first.times), len(push)

@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 
 from desat.components.contract.fitting import unit_under
-from desat.fmus import registry
 
 from ..analyses import analyses
 from ..campaign.draws import One, RunRow, rows_of
@@ -385,13 +384,13 @@ def _parameter(
     if dispersed := overridden_by(draft_to_draw(source, options.blocks), name):
         raise DesatError(f"{name}: {dispersed[0]} is sampled, and so cannot be tuned")
     unit = None
-    if (model := component.model) in registry.names():
+    if component.block is not None:
         chosen = {
             s.name: component.choice(s.name)
             for s in component.interface.signals.values()
             if s.choices and s.causality == "parameter"
         }
-        unit = unit_under(registry.block_class(model), variable, chosen)
+        unit = unit_under(component.block, variable, chosen)
     return signal, float(str(component.values[variable])), unit or signal.unit_name
 
 

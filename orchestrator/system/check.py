@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from desat.components.contract.block import Block, BlockError, Scalar
-from desat.fmus.registry import block_class, names
+from desat.fmus.registry import Sizes, block_class
 
 from .errors import DesatError, nearest
 from .expression import names_in, values_of
@@ -347,7 +347,12 @@ def foresee(
             (c.interface.signals[n].reference, x) for n, x in c.parameters.items()
         )
         lines, refusal = _of_block(
-            c.model, start_values, system.start, system.stop, wired_inputs
+            c.model,
+            c.interface.sizes,
+            start_values,
+            system.start,
+            system.stop,
+            wired_inputs,
         )
         for line in lines:
             warnings += explain(system, f"{c.name}: {REFUSES}{line}")
@@ -397,15 +402,16 @@ def _foresees(c: Component) -> bool:
 
     It must have the variables of that block.
     """
-    model = c.model
-    if model not in names() or block_class(model).foresee is Block.foresee:
+    if c.block is None or c.block.foresee is Block.foresee:
         return False
-    return c.interface.signals.keys() == interface_of_block(model).signals.keys()
+    own = interface_of_block(c.model, c.interface.sizes)
+    return c.interface.signals.keys() == own.signals.keys()
 
 
 @lru_cache(maxsize=256)
 def _of_block(
     model: str,
+    sizes: Sizes,
     start_values: tuple[tuple[int, Scalar], ...],
     begin: float,
     end: float,
@@ -416,7 +422,7 @@ def _of_block(
     Values are given by variable number. The result is empty if the block does not
     start; that is reported when it does.
     """
-    block = block_class(model)()
+    block = block_class(model, sizes)()
     block.access([k for k, _ in start_values]).write([x for _, x in start_values])
     try:
         block.check()

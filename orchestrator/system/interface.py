@@ -18,7 +18,7 @@ from desat.components.contract import roles
 from desat.components.contract.block import Block, Scalar
 from desat.components.contract.units import Unit, conversion, unit_of
 from desat.fmus.description import describe, title
-from desat.fmus.registry import block_class
+from desat.fmus.registry import Sizes, block_class
 
 from .errors import DesatError, look_up, nearest
 
@@ -95,6 +95,7 @@ class Interface:
     signals: dict[str, Signal]
     role: str = ""
     fmi: str = "2.0"
+    sizes: Sizes = ()  # lengths of a block of ours that are not the usual ones
     # the scalars of each variable by its name; for an array all elements
     arrays: Mapping[str, tuple[Signal, ...]] = field(
         init=False, repr=False, compare=False
@@ -199,9 +200,9 @@ def base_name(name: str) -> str:
 
 
 @cache
-def interface_of_block(name: str) -> Interface:
-    """Return the interface of one of our blocks, by its name."""
-    return of_block(name, block_class(name))
+def interface_of_block(name: str, sizes: Sizes = ()) -> Interface:
+    """Return the interface of one of our blocks, by its name and lengths."""
+    return of_block(name, block_class(name, sizes))
 
 
 def of_block(name: str, block: type[Block]) -> Interface:
@@ -232,7 +233,8 @@ def of_block(name: str, block: type[Block]) -> Interface:
                 needed_by=v.needed_by,
                 usual=v.usual,
             )
-    return Interface(name, title(block), signals, block.role)
+    sizes = tuple(sorted(block.sizes.items()))
+    return Interface(name, title(block), signals, block.role, sizes=sizes)
 
 
 # --- Usual sources of inputs, and compatibility of outputs and inputs -----------------

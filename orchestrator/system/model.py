@@ -160,7 +160,9 @@ class Component:
     @cached_property
     def block(self) -> type[Block] | None:
         """Return the class of its block; None for an FMU that is not of ours."""
-        return block_class(self.model) if self.model in names() else None
+        if self.model not in names():
+            return None
+        return block_class(self.model, self.interface.sizes)
 
     def choice(self, name: str) -> str:
         """Return the choice of a parameter by its name.

@@ -329,7 +329,7 @@ def bare_block(component: Component) -> Any:
 
     The block is checked, but not started.
     """
-    block = block_class(component.model)()
+    block = block_class(component.model, component.interface.sizes)()
     signals, values = component.interface.signals, component.parameters
     block.access([signals[n].reference for n in values]).write(list(values.values()))
     block.check()

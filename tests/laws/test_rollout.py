@@ -26,6 +26,7 @@ from desat.components.laws.acquisition import all_coils
 from desat.components.maths import kalman
 from desat.components.maths.vector import ZERO, add, cross, mat_vec, scale
 from desat.components.physics.gyrostat import carrier_inertia, inverse_inertia
+from desat.components.physics.wheel_array import body_momentum
 
 INERTIA = (0.3078, 0.0, 0.0, 0.0, 0.2865, 0.0, 0.0, 0.0, 0.2747)
 AXES = (0.0, 0.6, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.8, 0.0, 0.0)
@@ -83,7 +84,7 @@ def test_a_step_without_coils_keeps_the_momentum_and_follows_a_finer_one() -> No
     exact = ended(64)[0]
     for parts in (1, 2, 4):
         omega, b, h = ended(parts)
-        total = np.add(mat_vec(CARRIER, omega), rollout.along(AXES, h))
+        total = np.add(mat_vec(CARRIER, omega), body_momentum(AXES, h))
         assert np.linalg.norm(total) == pytest.approx(first, rel=2e-3)
         assert np.linalg.norm(b) == pytest.approx(np.linalg.norm(FIELD), rel=5e-3)
         errors.append(float(np.linalg.norm(np.subtract(omega, exact))))
@@ -94,8 +95,8 @@ def test_a_step_without_coils_keeps_the_momentum_and_follows_a_finer_one() -> No
 
 
 def test_the_search_is_never_later_than_the_law_or_what_was_chosen_before() -> None:
-    law = cost_of(rollout.none())
-    before, cost = rollout.none(), law
+    law = cost_of(rollout.none(MODEL))
+    before, cost = rollout.none(MODEL), law
     for index in range(3):
         found, result = rollout.sought(
             ALONE, (0.1, -0.1, 0.1), FIELD, STILL, before, index, 2, 8, 20, 900
@@ -110,14 +111,14 @@ def test_the_search_is_never_later_than_the_law_or_what_was_chosen_before() -> N
 
 
 def test_a_flight_is_dropped_once_it_is_later_or_too_fast_for_the_model() -> None:
-    law = cost_of(rollout.none())
-    assert cost_of(rollout.none(), best=law - 5.0) == inf
+    law = cost_of(rollout.none(MODEL))
+    assert cost_of(rollout.none(MODEL), best=law - 5.0) == inf
     spun = rollout.Sequence((1e-3, 0.0, 0.0, 0.0) * 4, 4, 0)
     assert cost_of(spun) < 901.0
     assert cost_of(spun, fastest=0.15) == inf
     omega = (2e-3, 0.0, 0.0)
     found, cost = rollout.sought(ALONE, omega, FIELD, STILL, spun, 0, 4, 64, 20, 900)
-    assert found == rollout.none()
+    assert found == rollout.none(MODEL)
     assert cost < 0.0
 
 
@@ -150,22 +151,22 @@ def test_a_rate_at_its_limit_is_above_it_and_a_wheel_at_its_limit_is_not_driven(
         carrier=INERTIA, inverse=inverse_inertia(INERTIA), gain=0.0, gain_wheel=0.0
     )
     full = rollout.predict_cost(
-        still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, inf, inf
+        still, at, ZERO, STILL, rollout.none(MODEL).torques, 0, 0, 20, 7, inf, inf
     )
     assert full == 7.0 + 1.0  # turning about a principal axis
     spun = rollout.predict_cost(
-        still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, inf, at[0]
+        still, at, ZERO, STILL, rollout.none(MODEL).torques, 0, 0, 20, 7, inf, at[0]
     )
     assert spun == full  # as fast as is believed, and no faster
     assert (
         rollout.predict_cost(
-            still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, 6.0, inf
+            still, at, ZERO, STILL, rollout.none(MODEL).torques, 0, 0, 20, 7, 6.0, inf
         )
         == full
     )
     assert (
         rollout.predict_cost(
-            still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, 5.0, inf
+            still, at, ZERO, STILL, rollout.none(MODEL).torques, 0, 0, 20, 7, 5.0, inf
         )
         == inf
     )

@@ -65,7 +65,12 @@ def craft(
         str | None, typer.Option(help="Principal moments: 0.2,0.2,0.1 (kg m2).")
     ] = None,
     wheels: Annotated[
-        str | None, typer.Option(help='"4 pyramid 30mNms", "3 axes 0.2Nms".')
+        str | None,
+        typer.Option(
+            help='Three to eight: "4 pyramid 30mNms", "6 pyramid 50Nms", "3 axes 0.2Nms", or a '
+            'csv with an axis (x, y, z) a row: "wheels.csv 30mNms". A capacity that is not known '
+            'for sure: "4 pyramid 11Nms +-50%".'
+        ),
     ] = None,
     rods: Annotated[
         str | None,

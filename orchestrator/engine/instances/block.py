@@ -26,7 +26,7 @@ class BlockInstance:
         self.messages: list[str] = []
         self.counts: dict[str, int] = {}
         self._interface = component.interface
-        self._block = block_class(self._interface.model)()
+        self._block = block_class(component.model, component.interface.sizes)()
         self._block.instance = self.name
         self._initialising = self._stale = False
         self._start = 0.0
