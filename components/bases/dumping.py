@@ -11,6 +11,7 @@ from ..contract.block import Output, Parameter, Vec3
 from ..contract.fitting import Need
 from ..contract.roles import WheelManager
 from ..laws.blending import Split
+from ..laws.integrated import null_vector
 from ..maths.vector import ZERO, clip, cross, sub
 from ..physics.wheel_array import body_momentum, null_part, pseudo_inverse, wheel_torque
 
@@ -29,7 +30,8 @@ class MomentumDumping(WheelManager):
 
     at each sample, or every `wheel_sample_time`, held in between. With `null_gain` the
     momentum that the wheels hold against each other, h - A^+ A h, which no dumping
-    reaches, decays at that rate.
+    reaches, decays at that rate to h_null n: a bias, which keeps wheels from standstill,
+    along n of the null space (`null_vector`).
 
     A measurement that is not valid is not used. At a sample without `valid_h` nothing
     is dumped. omega x h is left out while `valid_h` or `valid_omega` is false, and a
@@ -54,6 +56,11 @@ class MomentumDumping(WheelManager):
         min=0.0,
         needs=("h_wheel", "tau_cmd_wheel"),
     )
+    h_null: float = Parameter(
+        "N.m.s",
+        "momentum that the wheels keep against each other: of the wheel whose share is 1",
+        needs=("h_wheel", "tau_cmd_wheel"),
+    )
     mode: int = Output(
         "1",
         "what the manager does",
@@ -66,6 +73,12 @@ class MomentumDumping(WheelManager):
         self._to_wheels = pseudo_inverse(self.axes_wheel)
         self._first_sample_time: float | None = None
         self._no_momentum = (0.0,) * len(self.h_wheel)
+        n = null_vector(self.axes_wheel)
+        if self.h_null != 0.0 and not any(n):
+            self.fail(
+                f"h_null = {self.h_null} N m s: these wheels hold nothing against each other"
+            )
+        self._bias = tuple(self.h_null * x for x in n)
         self.tau_cmd_wheel = self._no_momentum
         self.m_cmd_body = self.tau_cmd_thruster_body = self._n = ZERO
         self.mode = IDLE
@@ -107,13 +120,18 @@ class MomentumDumping(WheelManager):
 
     def empty_null_space(self) -> None:
         """Add the torques that make the wheels' null-space momentum decay."""
-        if self.null_gain <= 0.0:
+        rate = self.null_rate()
+        if rate <= 0.0:
             return
         against = null_part(self.axes_wheel, self._to_wheels, self.h_wheel)
         self.tau_cmd_wheel = tuple(
-            x - self.null_gain * y
-            for x, y in zip(self.tau_cmd_wheel, against, strict=True)
+            x - rate * (y - z)
+            for x, y, z in zip(self.tau_cmd_wheel, against, self._bias, strict=True)
         )
+
+    def null_rate(self) -> float:
+        """Return the rate (1/s) at which the null space is brought to its bias."""
+        return self.null_gain
 
     def control_by_wheels(self) -> Vec3:
         """Return the controller's torque (N m, body) that the wheels are to give."""

@@ -14,6 +14,7 @@ from ..maths.vector import ZERO, norm, scale
 STANDARD_GRAVITY = 9.80665
 BEGIN, CENTRED = range(2)
 ENTRIES = 8
+MOST_JETS = 16  # axes or nozzles
 
 # Effect of a firing: torque (N m) and force (N) on the body, body, and its thrust (N),
 # which takes propellant.
@@ -94,13 +95,17 @@ class PulsedThrusters(Thrusters):
         "propellant of scheduled firings whose force is given; no part of propellant",
     )
 
+    net_impulse: float = Output(
+        "N.s", "impulse of force on the craft, the sum of its size over steps"
+    )
+
     _pulses: tuple[Pulse, ...]
 
     def start(self) -> None:
         """Set the state to its start values and read the schedule."""
         super().start()
         self._pulses = ()
-        self._rests = (0.0,) * ENTRIES
+        self._rests = (0.0,) * MOST_JETS
         self._schedule: tuple[Pulse, ...] = tuple(
             (
                 self.schedule_start[i],
@@ -111,7 +116,7 @@ class PulsedThrusters(Thrusters):
             for i, duration in enumerate(self.schedule_duration)
             if duration > 0.0
         )
-        self._on_time = self._propellant = 0.0
+        self._on_time = self._propellant = self._net_impulse = 0.0
         self._schedule_on_time = self._schedule_propellant = 0.0
         self.tau_mean_thruster_body = self.tau_slope_thruster_body = ZERO
         self.force_mean_thruster_body = ZERO
@@ -120,6 +125,7 @@ class PulsedThrusters(Thrusters):
         """Set the counters of on-time and propellant."""
         self.on_time = self._on_time
         self.propellant = self._propellant
+        self.net_impulse = self._net_impulse
         self.schedule_on_time = self._schedule_on_time
         self.schedule_propellant = self._schedule_propellant
 
@@ -137,7 +143,7 @@ class PulsedThrusters(Thrusters):
                 if (width := self._width(on_time, period)) > 0.0
             )
             if self.carried:
-                rests = [0.0] * ENTRIES
+                rests = [0.0] * MOST_JETS
                 for i, (on_time, jet) in enumerate(wants):
                     rests[i] = (on_time - self._width(on_time, period)) * _way(jet)
                 self._rests = tuple(rests)
@@ -152,6 +158,7 @@ class PulsedThrusters(Thrusters):
         self.tau_mean_thruster_body = (mean[0], mean[1], mean[2])
         self.tau_slope_thruster_body = (slope[0], slope[1], slope[2])
         self.force_mean_thruster_body = (force[0], force[1], force[2])
+        self._net_impulse += dt * norm(self.force_mean_thruster_body)
 
     def fire(
         self,

@@ -391,13 +391,13 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         """Add the torques that reduce the wheels' null-space momentum to its limit."""
         if not self.enable:
             return
-        rate = self.null_gain
-        if rate <= 0.0:
-            rate = norm(self.v_eci) / norm(self.r_eci)
+        if self.h_null != 0.0:
+            super().empty_null_space()
+            return
         torque = null_space.drive_to_level(
             self.h_wheel,
             null_direction(self.h_wheel, self.axes_wheel, self._to_wheels, self._null),
-            rate,
+            self.null_rate(),
             self._peak(),
             self.h_limit,
             self.standstill_weight,
@@ -405,6 +405,12 @@ class ManagerPredictive(MomentumDumping, KnownSlew, EarthField):
         self.tau_cmd_wheel = tuple(
             x + y for x, y in zip(torque, self.tau_cmd_wheel, strict=True)
         )
+
+    def null_rate(self) -> float:
+        """Return the rate (1/s) of the null space: that of the orbit by default."""
+        if self.null_gain > 0.0:
+            return self.null_gain
+        return norm(self.v_eci) / norm(self.r_eci)
 
     def _peak(self) -> float:
         """Return the largest momentum (N m s) of a wheel over the last orbit."""

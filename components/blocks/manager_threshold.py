@@ -27,7 +27,7 @@ class ManagerThreshold(MomentumDumping):
     `fill` is at `end`, with h the wheels' momentum less `h_target_body` and h_i that of
     each wheel:
 
-        wheels:  fill = max |h_i|            sum:  fill = |h|
+        wheels:  fill = max |h_i - h_null n_i|            sum:  fill = |h|
 
     With `period` a dump also begins at each multiple of it since the first sample, where
     `fill` is above `end`: a calendar.
@@ -257,7 +257,10 @@ class ManagerThreshold(MomentumDumping):
         with at most `torque`, in pulses; coils follow the cross-product law.
         """
         size = norm(h)
-        fill = max(abs(x) for x in self.h_wheel) if self.fill == WHEELS else size
+        fill = size
+        if self.fill == WHEELS:
+            beyond = zip(self.h_wheel, self._bias, strict=True)
+            fill = max(abs(x - y) for x, y in beyond)
         self._choose_mode(t, elapsed_time, h, size, fill)
         if self.mode != DUMPING:
             return ZERO, (ZERO, ZERO)

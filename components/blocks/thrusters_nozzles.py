@@ -3,11 +3,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from ..bases.pulses import ENTRIES, Jet, PulsedThrusters
-from ..contract.block import Output, Parameter, Table
+from ..contract.block import NOZZLES, Output, Parameter, Table
 from ..maths.allocation import gives, least_on_times
 from ..maths.vector import ZERO, add, cross, norm, scale
 
-NOZZLES = 8
 SIDES = (
     ("+x", (1.0, 0.0, 0.0)),
     ("-x", (-1.0, 0.0, 0.0)),
@@ -19,7 +18,7 @@ SIDES = (
 
 
 class ThrustersNozzles(PulsedThrusters):
-    """Pulsed thrusters: up to eight nozzles anywhere on the body
+    """Pulsed thrusters: nozzles anywhere on the body
 
     Nozzle i at r_i with the force F_i = thrust_i direction_i on the body has the torque
     r_i x F_i. At each sample the on-times x_i follow from the linear programme
@@ -107,8 +106,8 @@ class ThrustersNozzles(PulsedThrusters):
     )
 
     def start(self) -> None:
-        self._jets = tuple(self._jet(i) for i in range(NOZZLES))
-        self._open = (0.0,) * NOZZLES
+        self._jets = tuple(self._jet(i) for i in range(len(self.thrust)))
+        self._open = (0.0,) * len(self.thrust)
         super().start()
 
     def foresee(
@@ -165,4 +164,5 @@ class ThrustersNozzles(PulsedThrusters):
 
     def _shares(self, i: int) -> Table:
         """Return the share of each nozzle in the scheduled firing i."""
-        return self.schedule_nozzle[NOZZLES * i : NOZZLES * (i + 1)]
+        count = len(self.thrust)
+        return tuple(self.schedule_nozzle[count * i + k] for k in range(count))

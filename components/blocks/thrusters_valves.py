@@ -8,7 +8,7 @@ from ..maths.allocation import least_on_times
 from ..maths.moments import first_order, part
 from ..maths.noise import normal_pair, stream
 from ..maths.vector import ZERO, scale, sub
-from .thrusters_nozzles import NOZZLES, ThrustersNozzles
+from .thrusters_nozzles import ThrustersNozzles
 
 CLOSED, OPEN = range(2)
 NO_NOZZLE = 0
@@ -112,7 +112,7 @@ class ThrustersValves(ThrustersNozzles):
             self.fail(f"blowdown = {self.blowdown} needs a tank above 0 kg")
         self._knows_failure = False  # whether the stuck valve is known at this step
         self._key = stream(self.instance, "tau_mean_thruster_body", self.seed)
-        self._levels: tuple[float, ...] = (0.0,) * NOZZLES  # s of each nozzle
+        self._levels: tuple[float, ...] = (0.0,) * len(self.thrust)  # s of each nozzle
 
     def foresee(
         self, begin: float, end: float, wired_names: frozenset[str]
@@ -151,10 +151,10 @@ class ThrustersValves(ThrustersNozzles):
 
         It is added to the torque's mean and slope (N m) and the force's mean (N), body.
         """
-        shares = [0.0] * (2 * NOZZLES)  # mean and slope of each nozzle's share
-        open_time, levels = [0.0] * NOZZLES, list(self._levels)
+        shares = [0.0] * (2 * len(self.thrust))  # mean and slope of each nozzle's share
+        open_time, levels = [0.0] * len(self.thrust), list(self._levels)
         pressure, used = self._pressure(), 0.0
-        for i in range(NOZZLES):
+        for i in range(len(self.thrust)):
             _, push, thrust = self._jets[i]
             if push != ZERO:
                 a, b, levels[i], open_time[i] = self._share(
@@ -168,7 +168,7 @@ class ThrustersValves(ThrustersNozzles):
                 used += flow * thrust / (STANDARD_GRAVITY * self.specific_impulse)
         remaining = self.tank - self._propellant
         share = remaining / used if self.tank > 0.0 and used > remaining else 1.0
-        for i in range(NOZZLES):
+        for i in range(len(self.thrust)):
             torque, push, _ = self._jets[i]
             if push != ZERO:
                 a, b = share * shares[2 * i], share * shares[2 * i + 1]

@@ -72,6 +72,7 @@ class Size(int):
 
 
 WHEELS = Size("wheels", 4)
+NOZZLES = Size("nozzles", 8)
 
 _SHAPES: dict[
     str, tuple[Literal["Real", "Integer", "Boolean"], tuple[int, ...] | None]
@@ -167,15 +168,17 @@ class Variable:
             for n in self.shape
         )
         flat = self.flat_start()
-        if len(set(flat)) == 1:
-            start = flat[:1] * math.prod(shape)
-        else:
-            rows = math.prod(shape[:-1])
-            before = len(flat) // rows
+        (rows, columns), (rows_before, before) = (
+            (math.prod(x[:-1]), x[-1]) for x in (shape, self.shape)
+        )
+        start = flat[:1] * math.prod(shape)
+        if len(set(flat)) > 1:
             start = tuple(
-                flat[before * i + j] if j < before else type(flat[0])(0)
+                flat[before * i + j]
+                if i < rows_before and j < before
+                else type(flat[0])(0)
                 for i in range(rows)
-                for j in range(shape[-1])
+                for j in range(columns)
             )
         return replace(self, shape=shape, start=start)
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from desat.components.contract.block import Block, BlockError
+from desat.components.laws.integrated import null_vector
 from desat.components.maths.attitude import inverse, normalise, product
 from desat.components.physics.gyrostat import carrier_inertia
 from desat.components.physics.orbit import lvlh_attitude
@@ -74,8 +75,8 @@ NO_COILS: Values = {"axes_coil": np.zeros((3, 0)), "m_limit": 0.0, "drive": "lim
 class Hardware:
     """Actuators and inertia with which a craft stores and moves momentum."""
 
-    axes_wheel: Array  # (3, 4)
-    capacity: Array  # (4,) N m s; 0: there is no wheel, inf: it has no limit
+    axes_wheel: Array  # (3, n)
+    capacity: Array  # (n,) N m s; 0: there is no wheel, inf: it has no limit
     torque_limit: float  # N m, of a wheel; inf: no limit
     axes_coil: Array  # (3, c)
     m_limit: float  # A m2, of each coil
@@ -89,10 +90,17 @@ class Hardware:
     specific_impulse: float | None  # s
     # N m s, standard deviation of each wheel's measured momentum at each sample
     noise: float = 0.0
+    # (n,) N m s, that the wheels keep against each other; empty: nothing
+    bias: tuple[float, ...] = ()
 
     def spread(self) -> Array:
-        """Return the least-squares matrix (4, 3) that shares momentum among wheels."""
+        """Return the least-squares matrix (n, 3) that shares momentum among wheels."""
         return np.asarray(np.linalg.pinv(self.axes_wheel))
+
+    def of_wheels(self, momentum: Array) -> Array:
+        """Return the momentum of each wheel (..., n) N m s for a sum (..., 3), body."""
+        each = momentum @ self.spread().T
+        return np.asarray(each + self.bias if self.bias else each)
 
 
 @dataclass(frozen=True)
@@ -219,7 +227,16 @@ def hardware_of(system: System) -> Hardware:
         thrusters.get("arm"),
         thrusters.get("specific_impulse"),
         float(values.get("tachometers", {}).get("noise", 0.0)),
+        _null_bias(values.get("manager", {}), axes),
     )
+
+
+def _null_bias(manager: Values, axes: Array) -> tuple[float, ...]:
+    """Return what the wheels (n,) keep against each other (N m s)."""
+    size = float(manager.get("h_null", 0.0))
+    if size == 0.0:
+        return ()
+    return tuple(size * x for x in null_vector(tuple(np.ravel(axes).tolist())))
 
 
 def _failed(system: System, count: int) -> NDArray[np.bool_]:

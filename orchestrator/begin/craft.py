@@ -43,6 +43,7 @@ from numpy.typing import NDArray
 from desat.components.blocks.guidance_sun import GuidanceSun
 from desat.components.blocks.guidance_yaw import GuidanceYaw
 from desat.components.contract.block import Vec4
+from desat.components.laws.integrated import null_vector
 from desat.components.maths.attitude import matrix, product
 from desat.components.physics import atmosphere
 from desat.components.physics.orbit import EARTH_RADIUS, MU
@@ -70,6 +71,8 @@ from ..system.sampled_loop import (
 from . import coils
 from .body import NewBody, body_of
 from .facts import CraftFacts
+from .nozzles import Nozzles, count_of, read_layout
+from .nozzles import layout_of as layout_of_nozzles
 from .orbits import Orbit, epoch_of, orbit_of
 from .spread import (
     class_factor,
@@ -118,6 +121,11 @@ RESIDUAL = Quantity("--residual-dipole", "A.m2", -1e4, 1e4)
 DRAG_COEFFICIENT = 2.2  # as spacecraft_rigid has it
 PROPELLANT = Quantity("--propellant", "kg", 0.0, 1e5, above=True, bare=False)
 ISP = Quantity("--isp", "s", 1.0, 1e4, bare=False)
+ARM = Quantity("--arm", "m", 1e-3, 100.0, bare=False)
+BIAS = Quantity("--bias", "N.m.s", 0.0, 1e5, above=True, bare=False)
+BIAS_SPEED = Quantity("--bias", "rad/s", 0.0, 1e5, above=True, bare=False)
+MOST_BIAS = 0.9  # share of a wheel's capacity that it may keep
+PAIRS = 4  # number of thrusters that stands for pairs about each axis
 SAMPLE = Quantity("--sample", "s", 0.01, 10.0, bare=False)
 FILL = Quantity("--dump", "%", 0.0, 95.0)
 DUMPERS = ("thrusters", "coils")
@@ -277,16 +285,19 @@ def _assumptions_of_dumps(dump: NewDumps) -> Iterator[Assumption]:
 
 
 def _assumptions_of_thrusters(
-    thrusters: Mapping[str, str] | None,
+    thrusters: Mapping[str, Any] | None,
 ) -> Iterator[Assumption]:
     """Yield the figures of thrusters, if there are any."""
     if not thrusters:
         return
     number, _, unit = thrusters["force"].partition(" ")
     yield Assumption("thrust of each", number, unit, "given")
-    yield Assumption(
-        "arm of a pair", thrusters["arm"], "m", "class: half the middle side"
-    )
+    nozzles = thrusters["nozzles"]
+    if nozzles is None:
+        yield Assumption("arm of a pair", thrusters["arm"], "m", thrusters["arm_why"])
+    else:
+        count = str(len(nozzles.thrust))
+        yield Assumption("nozzles", count, "", nozzles.words)
     number, _, unit = thrusters["impulse"].partition(" ")
     yield Assumption("specific impulse", number, unit, thrusters["impulse_why"])
     if thrusters["tank"]:
@@ -483,6 +494,7 @@ def _template_values(
     )
     limits = _limits(mass, orbit, thrusters)
     dump = _dump(facts, wheels, thrusters, rods is not None, min(inertia), step)
+    bias = _null_bias(facts, wheels)
     enough = bandwidth == quick
     rate = orbit.rate if orbit.of_earth else QUICKEST
     tumble = 5.0 if mass < 50.0 else 1.0
@@ -540,6 +552,8 @@ def _template_values(
         "rods": rods,
         "thrusters": thrusters,
         "dump": dump,
+        "bias": bias,
+        "start_wheels": _list(bias * x for x in _null_of(wheels)) if bias else "",
         "gyro": _gyro(),
         "star_tracker": classes()["star_trackers"]["cubesat"],
         "dipole": dipole,
@@ -548,9 +562,7 @@ def _template_values(
         "plates": [_list(row) for row in surfaces.table],
         "drives": [_list(plate.drive) for plate in surfaces.plates],
         "offset": _list(surfaces.offset),
-        "spreads": list(
-            _spreads(body, dipole, surfaces, sources, facts.thrusters is not None)
-        ),
+        "spreads": list(_spreads(body, dipole, surfaces, sources, thrusters)),
         "ends": _ends(orbit, dipole, surfaces, sources),
         "gains": {
             "bandwidth": _text(bandwidth),
@@ -659,7 +671,7 @@ def _spreads(
     dipole: Dipole,
     surfaces: Surfaces,
     sources: Sources,
-    has_thrusters: bool,
+    thrusters: Mapping[str, Any] | None,
 ) -> Iterator[tuple[str, str, str]]:
     """Yield what is not known for sure: parameter, entry of [dispersions] and its reason."""
     if surfaces.plates:
@@ -681,9 +693,10 @@ def _spreads(
     if sources.dipole and dipole.size > 0.0:
         yield "spacecraft.residual_dipole_body", dipole.spread, dipole.origin
     yield "spacecraft.inertia", format_spread(body.spread), body.inertia_from
-    if has_thrusters:
-        reason = "class: where the nozzles are"
-        yield "thrusters.arm", format_spread(class_factor("arm")), reason
+    if thrusters is not None:
+        if thrusters["nozzles"] is None and thrusters["arm_why"] != "given":
+            reason = "class: where the nozzles are"
+            yield "thrusters.arm", format_spread(class_factor("arm")), reason
         reason = "class: short pulses give less"
         spread = format_spread(class_factor("pulses"))
         yield "thrusters.specific_impulse", spread, reason
@@ -1237,6 +1250,30 @@ def _wheels(
     )
 
 
+def _null_of(wheels: NewWheels) -> tuple[float, ...]:
+    """Return the direction along which wheels keep momentum against each other."""
+    return null_vector(tuple(np.ravel(wheels.axes_si).tolist()))
+
+
+def _null_bias(facts: CraftFacts, wheels: NewWheels) -> float:
+    """Return what each wheel keeps against the others (N m s); 0: nothing."""
+    if facts.bias is None:
+        return 0.0
+    is_speed = re.search(r"rpm|rad/s|deg/s|Hz", facts.bias) is not None
+    size = BIAS_SPEED(facts.bias) * wheels.inertia_si if is_speed else BIAS(facts.bias)
+    if not any(_null_of(wheels)):
+        raise DesatError(
+            f"--bias {facts.bias}: {wheels.count} wheels keep nothing against each other: "
+            "--wheels '4 pyramid ...' do"
+        )
+    if size > MOST_BIAS * wheels.capacity_si:
+        raise DesatError(
+            f"--bias {facts.bias}: {size:.4g} N m s of {wheels.capacity_si:.4g} that a wheel "
+            f"holds; at most {MOST_BIAS * wheels.capacity_si:.4g} N m s are taken"
+        )
+    return size
+
+
 def _rods(
     facts: CraftFacts, mass: float, sides: tuple[float, float, float], orbit: Orbit
 ) -> dict[str, str] | None:
@@ -1286,37 +1323,61 @@ def _gyro() -> dict[str, str]:
 
 def _thrusters(
     facts: CraftFacts, sides: tuple[float, float, float]
-) -> Mapping[str, str] | None:
+) -> Mapping[str, Any] | None:
     """Return the texts of the thrusters, or None without thrusters."""
     if facts.thrusters is None:
         for option, text in (
             ("--propellant", facts.propellant),
             ("--isp", facts.isp),
+            ("--arm", facts.arm),
         ):
             if text is not None:
                 raise DesatError(
                     f"{option} {text}: --thrusters says which, as --thrusters '4 1N'"
                 )
         return None
-    match = re.fullmatch(r"\s*(?:4\s+)?([^\s].*?)\s*", facts.thrusters)
-    if match is None or re.match(r"\d+\s+\d", match[1]):
-        raise DesatError(
-            f"--thrusters {facts.thrusters}: the form is 4 SIZE, as 4 1N: pairs both "
-            "ways about each axis"
-        )
-    name, figures, force = _of_class(THRUSTERS, "thrusters", "force", match[1])
-    arm = sorted(sides)[1] / 2.0
+    arm = sorted(sides)[1] / 2.0 if facts.arm is None else ARM(facts.arm)
+    nozzles, size = _nozzles(facts, sides)
+    name, figures, force = _of_class(THRUSTERS, "thrusters", "force", size)
+    torque = 2.0 * force * arm if nozzles is None else nozzles.weakest
+    isp = None if nozzles is None else nozzles.isp
+    impulse, why = figures["impulse"], f"class: {name}"
+    if facts.isp is not None:
+        impulse, why = f"{ISP(facts.isp):g} s", "given"
+    elif isp is not None:
+        impulse, why = f"{isp:g} s", "given"
     return {
-        "torque": _list([2.0 * force * arm] * 3),
+        "torque": _list([torque] * 3),
         "force": f"{force:g} N",
         "arm": _text(arm),
-        "torque_si": _text(2.0 * force * arm),
-        "impulse": figures["impulse"] if facts.isp is None else f"{ISP(facts.isp):g} s",
-        "impulse_why": f"class: {name}" if facts.isp is None else "given",
+        "arm_why": "class: half the middle side" if facts.arm is None else "given",
+        "torque_si": _text(torque),
+        "impulse": impulse,
+        "impulse_why": why,
         "tank": ""
         if facts.propellant is None
         else f"{PROPELLANT(facts.propellant):g} kg",
         "pulse": figures["pulse"],
         "loss": figures["loss"],
         "class": name,
+        "nozzles": nozzles,
     }
+
+
+def _nozzles(
+    facts: CraftFacts, sides: tuple[float, float, float]
+) -> tuple[Nozzles | None, str]:
+    """Return the nozzles, None of pairs about the axes, and the size of each as text."""
+    text = str(facts.thrusters).strip()
+    if text.endswith(".csv"):
+        if facts.arm is not None:
+            raise DesatError(f"--arm {facts.arm}: {text} says where its nozzles are")
+        nozzles = read_layout(text, sides)
+        return nozzles, f"{float(np.median(nozzles.thrust)):g} N"
+    count, size = count_of(text) or (PAIRS, text)
+    if count == PAIRS:
+        return None, size
+    _, _, force = _of_class(THRUSTERS, "thrusters", "force", size)
+    half = [x / 2.0 for x in sides]
+    arm = 0.0 if facts.arm is None else ARM(facts.arm)
+    return layout_of_nozzles(count, force, half, arm), size

@@ -29,6 +29,8 @@ UNITS = {
     "sample": "s",
     "sun": "m",
     "cp": "m",
+    "bias": "N.m.s",
+    "arm": "m",
 }
 SEQUENCES = (
     "box",
@@ -74,6 +76,8 @@ class CraftFacts:
     wings: Sequence[str] | None = None
     dish: str | None = None
     cp: str | None = None
+    bias: str | None = None
+    arm: str | None = None
 
 
 class Facts(TypedDict, total=False):
@@ -106,6 +110,8 @@ class Facts(TypedDict, total=False):
     wings: str | Sequence[str] | None
     dish: str | None
     cp: str | float | Iterable[float] | None
+    bias: str | float | None
+    arm: str | float | None
 
 
 def typed_facts(facts: Facts) -> dict[str, str | tuple[str, ...]]:

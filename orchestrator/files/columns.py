@@ -25,6 +25,7 @@ def read_columns(
     place: str,
     units: Mapping[str, str],
     names: Mapping[str, Sequence[str]],
+    labels: Sequence[str] = (),
 ) -> tuple[Row, ...]:
     """Read the columns of a csv file, in the order and the units of `units`.
 
@@ -38,6 +39,8 @@ def read_columns(
         order and in units that fit.
     names
         Other names of a column in a heading.
+    labels
+        Headings of columns with text, which are left out.
 
     Raises
     ------
@@ -47,17 +50,21 @@ def read_columns(
     """
     rows: list[Row] = []
     order, factors = list(range(len(units))), [1.0] * len(units)
-    is_first = True
+    is_first, left_out = True, set[int]()
     for number, line in enumerate(io.text(file, place).splitlines(), 1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         fields = line.replace(";", ",").split(",")
         if is_first and not any(is_float(field) for field in fields):
+            left_out = {
+                k for k, x in enumerate(fields) if x.strip(' "').casefold() in labels
+            }
+            fields = [x for k, x in enumerate(fields) if k not in left_out]
             order, factors = _of_heading(fields, f"{place}:{number}", units, names)
             is_first = False
             continue
         is_first = False
-        values = _numbers(fields)
+        values = _numbers([x for k, x in enumerate(fields) if k not in left_out])
         if values is None or len(values) != len(units):
             columns_needed = ", ".join(f"{n} in {u}" for n, u in units.items())
             raise DesatError(

@@ -69,7 +69,7 @@ KEYS = (
     "dispersions",  # read with the scenarios (`scenario.py`)
 )
 BODY = ("mass", "sides")
-WHEELS = range(3, 9)  # how many wheels a craft may have
+WHEELS, NOZZLES = range(3, 9), range(1, 17)  # how many of them a craft may have
 
 
 def files(folder: Path) -> list[Path]:
@@ -205,6 +205,11 @@ def _read_sizes(file: CraftFile, draft: Draft) -> None:
     axes = file.table("shared").get("axes_wheel")
     if isinstance(axes, list) and axes and isinstance(axes[0], list):
         draft.sizes["wheels"] = _count(file, "shared.axes_wheel", len(axes[0]), WHEELS)
+    thrusters = file.table("parameters").get("thrusters", {})
+    rows = thrusters.get("position_nozzle") if isinstance(thrusters, dict) else None
+    if isinstance(rows, list) and rows and isinstance(rows[0], list):
+        key = "parameters.thrusters.position_nozzle"
+        draft.sizes["nozzles"] = _count(file, key, len(rows), NOZZLES)
 
 
 def _count(file: CraftFile, key: str, count: int, allowed: range) -> int:

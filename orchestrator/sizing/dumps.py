@@ -97,7 +97,7 @@ from .momentum import (
     shares_of,
     smallest_wheel_capacity,
 )
-from .propellant import YEAR, ThrusterCost, thruster_cost
+from .propellant import YEAR, DumpCost, ThrusterCost, thruster_cost
 from .requirements import SizingRequirements
 from .rods import find_rods_of_laws, other_laws, round_up
 from .scenarios import closed_loop_only, doubts, find_worst_scenario
@@ -111,6 +111,7 @@ TRIED, WAYS, APART = 10, 8, 0.01
 # Maximum number of dumps that are followed after the first, and of steps to follow
 # them.
 MANY, MOST_STEPS = 25, 1_500_000
+NOTHING = DumpCost(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 # Numbers of the closed loop that are shown beside the sizes, and their units here.
 LOOP = {
     "dumps_a_week": "1",
@@ -119,6 +120,8 @@ LOOP = {
     "dumps": "1",
     "dump_momentum": "N.m.s",
     "dump_propellant": "kg",
+    "dump_net_impulse": "N.s",
+    "dump_time": "s",
     "pointing_largest": "deg",
 }
 # Cases: those that are no problem of the model.
@@ -156,9 +159,13 @@ class DumpRates:
     first: float  # s, from wheels at rest to the first dump; inf: never
     interval: float
     momentum: float  # N m s, of a dump
-    impulse: float  # N s, impulse of force of a dump
-    propellant: float  # kg, of a dump
-    net_impulse: float = 0.0  # N s, of force on the craft as a whole, of a dump
+    # of a dump, as of DumpCost
+    impulse: float  # N s
+    net_impulse: float  # N s
+    propellant: float  # kg
+    duration: float  # s
+    pulses: float
+    on_time: float  # s
     fullest: float = 0.0  # N m s, largest fill at which a dump begins
     # kg, of a dump that waits for the attitude at which its momentum costs least
     least_propellant: float = 0.0
@@ -171,6 +178,18 @@ class DumpRates:
         """Return the data for programs; infinite ones are null."""
         rates = {"a_week": self.a_week, "a_year": self.a_year}
         return {k: finite(x) for k, x in (asdict(self) | rates).items()}
+
+    @property
+    def takes(self) -> DumpCost:
+        """Return what a dump takes."""
+        return DumpCost(
+            self.impulse,
+            self.net_impulse,
+            self.propellant,
+            self.duration,
+            self.pulses,
+            self.on_time,
+        )
 
     @property
     def a_week(self) -> float:
@@ -262,6 +281,7 @@ class DumpSizing:
     # in the time that the closed loop flies, in which the torque may be another
     within: DumpRates | None = None
     change: str = ""  # the smallest one with which it would hold, as a sentence
+    mass: float = 0.0  # kg; 0: unknown
     intervals: tuple[Interval, ...] = ()  # over what is not known for sure
     assumptions: tuple[
         AssumptionShare, ...
@@ -461,6 +481,7 @@ def size(
         **_over_year(year, each, steady),
         thresholds=thresholds,
         course=course,
+        mass=0.0 if system.body is None else system.body.mass,
     )
     notes = [*doubts(system), *closed_loop_only(system, options)]
     progress("what is not known for sure")
@@ -509,9 +530,8 @@ def _rates_within(
         return None
     between = (dumps[-1].time - dumps[0].time) / (len(dumps) - 1)
     momentum = float(np.mean([np.linalg.norm(x.body) for x in dumps]))
-    impulse, net, propellant = _mean_cost(cost, [x.body for x in dumps])
-    fullest, first = law.fullest(dumps), dumps[0].time
-    return DumpRates(first, between, momentum, impulse, propellant, net, fullest)
+    each = _mean_cost(cost, [x.body for x in dumps])
+    return DumpRates(dumps[0].time, between, momentum, *each, law.fullest(dumps))
 
 
 def _judge(
@@ -590,7 +610,7 @@ def _margins(system: System, sizing: DumpSizing) -> list[Margin]:
     if 0.0 < sizing.capacity < inf:
         limit = limits.get("largest_momentum", 100.0) / 100.0 * sizing.capacity
         # a dump that waits begins later; one by the calendar may begin before
-        begin = max(sizing.begin, sizing.steady.fullest)
+        begin = max(sizing.begin, sizing.steady.fullest) + _bias_of(system)
         rows.append(Margin("where a dump begins", "wheels", begin, limit, "N.m.s"))
         if sizing.slew_momentum > 0.0:
             both = begin + sizing.slew_momentum
@@ -606,6 +626,11 @@ def _margins(system: System, sizing: DumpSizing) -> list[Margin]:
         limit = limits["pointing_largest"]
         rows.append(Margin(LOOP_CASE, "pointing", pointing, limit, "deg"))
     return sorted(rows, key=lambda m: m.margin)
+
+
+def _bias_of(system: System) -> float:
+    """Return what a wheel keeps against the others (N m s), beyond which dumps count."""
+    return abs(float(system.components["manager"].values["h_null"]))
 
 
 def _over_year(
@@ -663,8 +688,8 @@ def _intervals(
         if len(course) < 2:
             return inf, 0.0
         between = (course[-1].time - course[0].time) / (len(course) - 1)
-        _, _, propellant = _mean_cost(cost, [x.body for x in course])
-        return between, propellant * YEAR / between
+        each = _mean_cost(cost, [x.body for x in course])
+        return between, each.propellant * YEAR / between
 
     count = len(along.impulses)
     between, propellant = follow(along, rates, _fills(system, count))
@@ -736,17 +761,9 @@ def _lengths_of_flights(
     return min(window, some), min(window, few)
 
 
-def _mean_cost(cost: ThrusterCost, every: list[Array]) -> tuple[float, float, float]:
-    """Return the mean impulse of force and its net part (N s), and propellant (kg).
-
-    `every` are the momenta (3,) N m s, body, of dumps.
-    """
-    mean = np.mean(
-        [(cost.impulse(u), cost.net_impulse(u), cost.propellant(u)) for u in every],
-        axis=0,
-    )
-    impulse, net, propellant = mean.tolist()
-    return impulse, net, propellant
+def _mean_cost(cost: ThrusterCost, every: list[Array]) -> DumpCost:
+    """Return what dumps of momenta (3,) N m s, body, take in the mean."""
+    return DumpCost(*np.mean([cost.of_dump(u) for u in every], axis=0).tolist())
 
 
 def _cost_of_thrusters(
@@ -1098,7 +1115,7 @@ def rates_of(
     ]
     each = [course for course in each if course]
     if not each:
-        return DumpRates(inf, inf, 0.0, 0.0, 0.0)
+        return DumpRates(inf, inf, 0.0, *NOTHING)
     rates = list(_course(flight, hardware, law, 1.0, 0, goes_on, most))
     weekly = [
         WEEK * (len(c) - 1) / (c[-1].time - c[0].time)
@@ -1112,17 +1129,15 @@ def rates_of(
     inertial = [x.inertial for x in (rates or each[0])[:CHEAPEST_OF]]
     least = float(np.mean([_cheapest(flight, u, cost) for u in inertial]))
     momentum = float(np.mean([np.linalg.norm(u) for u in every]))
-    impulse, net, propellant = _mean_cost(cost, every)
+    each_takes = _mean_cost(cost, every)
     first = (rates or each[0])[0].time
     return DumpRates(
         first,
         seconds / count if count else inf,
         momentum,
-        impulse,
-        propellant,
-        net,
+        *each_takes,
         law.fullest(rates or each[0]),
-        min(least, propellant),
+        min(least, each_takes.propellant),
         min(weekly, default=0.0),
         max(weekly, default=0.0),
     )
@@ -1218,23 +1233,17 @@ def mean_of(each: Sequence[DumpRates]) -> DumpRates:
         np.mean([1.0 / r.interval if r.interval < inf else 0.0 for r in each])
     )
     shares = np.array([1.0 / r.interval for r in some])
-    momentum, impulse, propellant, net, least = (
+    momentum, least, *takes = (
         float(shares @ np.array(x) / shares.sum())
         for x in zip(
-            *(
-                (r.momentum, r.impulse, r.propellant, r.net_impulse, r.least_propellant)
-                for r in some
-            ),
-            strict=True,
+            *((r.momentum, r.least_propellant, *r.takes) for r in some), strict=True
         )
     )
     return DumpRates(
         each[0].first,
         1.0 / a_second,
         momentum,
-        impulse,
-        propellant,
-        net,
+        *DumpCost(*takes),
         max(r.fullest for r in some),
         least,
         min(r.least_a_week for r in some),

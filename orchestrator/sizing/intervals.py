@@ -300,7 +300,7 @@ def fullest_wheels(
     body = flight.body[rows]
     to_body = from_body(flight.q[rows])
     inside = np.einsum("nri,rij->nrj", cyclic, to_body) - (body - body.mean(axis=0))
-    return np.asarray(np.abs(inside @ hardware.spread().T).max(axis=(1, 2)))
+    return np.asarray(np.abs(hardware.of_wheels(inside)).max(axis=(1, 2)))
 
 
 def _least_rods(flight: Flight, hardware: Hardware, torque: Array) -> Array:

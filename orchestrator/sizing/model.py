@@ -145,7 +145,7 @@ def fly(
     shape = (count, many, len(m))
     most = np.tile(m, many)[None, :, None]
     reach = hardware.longest * most
-    spare, spread = np.linalg.pinv(hardware.axes_coil).T, hardware.spread().T
+    spare = np.linalg.pinv(hardware.axes_coil).T
     to_eci, body, gain, offset, push = (
         np.stack([getattr(t, name) for t in tracks], axis=1)
         for name in ("to_eci", "body", "gain", "offset", "push")
@@ -161,7 +161,7 @@ def fly(
     away = (body + law.target)[:, :, None]
     body = body[:, :, None]
     rows, steps = len(first.times), len(push)
-    sums = _Sums(total.shape[:2], steps, spread)
+    sums = _Sums(total.shape[:2], steps, hardware)
     for begin in range(0, rows, BLOCK):
         end = min(begin + BLOCK, rows)
         momenta = np.empty((end - begin, *total.shape))
@@ -198,10 +198,10 @@ class _Sums:
     Each array is (tracks, disturbances and rods).
     """
 
-    def __init__(self, shape: tuple[int, ...], steps: int, spread: Array) -> None:
+    def __init__(self, shape: tuple[int, ...], steps: int, hardware: Hardware) -> None:
         self.squares, self.largest, self.duty = (np.zeros(shape) for _ in range(3))
         self.wheel, self.peak = np.zeros(shape), np.zeros(shape)
-        self._steps, self._spread = steps, spread
+        self._steps, self._hardware = steps, hardware
 
     def add(self, begin: int, h: Array, dipoles: Array, counts: Array) -> None:
         """Add rows from `begin` on.
@@ -213,7 +213,7 @@ class _Sums:
         for row in size * size:  # one by one: the sum's bits must not follow the blocks
             self.squares += row
         np.maximum(self.largest, size.max(axis=0), out=self.largest)
-        fullest = np.abs(h @ self._spread).max(axis=3)
+        fullest = np.abs(self._hardware.of_wheels(h)).max(axis=3)
         np.maximum(self.peak, fullest.max(axis=0), out=self.peak)
         late = fullest[max(0, (self._steps + 1) // 2 - begin) :]
         if len(late):

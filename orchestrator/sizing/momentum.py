@@ -89,11 +89,11 @@ def compute_wheel_needs(
     n = len(cyclic)
     inside = in_body_of(flight, cyclic - box_middle(cyclic))
     bent = flight.body[:n] - flight.body[:n].mean(axis=0)
-    momentum_needed = float(np.abs((inside - bent + bias) @ spread.T).max())
+    momentum_needed = float(np.abs(hardware.of_wheels(inside - bent + bias)).max())
     exists = hardware.capacity > 0.0
     capacity = hardware.capacity[exists]
     gained = flight.disturbance - flight.disturbance[0]
-    wheel_momentum = np.abs(in_body_of(flight, gained) @ spread.T)[:, exists]
+    wheel_momentum = np.abs(hardware.of_wheels(in_body_of(flight, gained)))[:, exists]
     full = (wheel_momentum >= capacity).any(axis=1)
     since = flight.times - flight.times[0]
     if full.any():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +64,17 @@ def costs_along(
     return along, np.array([cost.propellant(u) for u in along])
 
 
+class DumpCost(NamedTuple):
+    """What a dump takes."""
+
+    impulse: float  # N s, of force
+    net_impulse: float  # N s, that the craft as a whole is left with
+    propellant: float  # kg
+    duration: float  # s
+    pulses: float  # of the nozzle, or axis, that fires most
+    on_time: float  # s, of its pulses, the longest of all
+
+
 @dataclass(frozen=True)
 class ThrusterCost:
     """What thrusters take for an angular impulse (3,) N m s, body."""
@@ -73,8 +84,10 @@ class ThrusterCost:
     thrust: Array  # (nozzles,) N
     is_paired: bool  # each torque both ways, about an axis of the body
     isp: float  # s
-    # N m s of a sample, s of the shortest pulse and of its flow without thrust
+    # N m s of a sample, s that it lasts, s of the shortest pulse and of its flow
+    # without thrust
     sample_impulse: float = inf
+    sample_time: float = 0.0
     least_pulse: float = inf
     pulse_loss: float = 0.0
 
@@ -92,19 +105,27 @@ class ThrusterCost:
         """Return the impulse of force (N s), inf where they cannot give it."""
         return float(self.on_times(u) @ self.thrust)
 
-    def net_impulse(self, u: Array) -> float:
-        """Return the size of the impulse that the craft as a whole is left with (N s)."""
-        return float(np.linalg.norm(self.on_times(u) @ self.forces))
-
     def propellant(self, u: Array) -> float:
         """Return the propellant (kg), with what flows at the ends of pulses."""
+        return self.of_dump(u).propellant
+
+    def of_dump(self, u: Array) -> DumpCost:
+        """Return all that a dump takes."""
         times = self.on_times(u)
-        force = float(times @ self.thrust)  # N s, that of the flow
-        if self.pulse_loss > 0.0 and force < inf:
-            samples = np.linalg.norm(u) / self.sample_impulse
-            pulses = np.minimum(samples, times / self.least_pulse)
-            force += self.pulse_loss * float(pulses @ self.thrust)
-        return force / (self.isp * GRAVITY)
+        impulse = float(times @ self.thrust)
+        if impulse == inf:
+            return DumpCost(inf, inf, inf, inf, inf, inf)
+        samples = float(np.linalg.norm(u)) / self.sample_impulse
+        pulses = np.minimum(samples, times / self.least_pulse)
+        flow = impulse + self.pulse_loss * float(pulses @ self.thrust)
+        return DumpCost(
+            impulse,
+            float(np.linalg.norm(times @ self.forces)),
+            flow / (self.isp * GRAVITY),
+            samples * self.sample_time,
+            float(pulses.max()),
+            float((times / np.maximum(pulses, 1.0)).max()),
+        )
 
 
 def thruster_cost(
@@ -121,9 +142,10 @@ def thruster_cost(
         values_of(system).get(x, {}) for x in ("thrusters", "manager")
     )
     losses: dict[str, float] = {}
-    if "torque" in manager and thrusters.get("pulse_loss", 0.0) > 0.0:
+    if "torque" in manager and "pulse_loss" in thrusters:
         losses = {
             "sample_impulse": manager["torque"] * manager["sample_time"],
+            "sample_time": manager["sample_time"],
             "least_pulse": thrusters["least_pulse"],
             "pulse_loss": thrusters["pulse_loss"],
         }

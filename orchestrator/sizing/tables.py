@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import inf
 
 import numpy as np
@@ -12,6 +12,7 @@ from ..report.table import ROW_UNIT, Cell, Column, Row, Table, share
 from .dumps import DumpSizing
 from .map import SizingMap
 from .momentum import SourceShare
+from .propellant import YEAR
 from .result import Sizing
 from .rods import SizingPoint
 from .year import YearDate
@@ -251,7 +252,16 @@ def tabulate_dumps(sizing: DumpSizing) -> Table:
         ("the same, thresholds 1 % apart", apart, "", ""),
         ("momentum of a dump", steady.momentum, loop.get("dump_momentum"), "N.m.s"),
         ("impulse of force of a dump", steady.impulse, None, "N.s"),
+        *_net_force(sizing),
         ("propellant of a dump", steady.propellant, loop.get("dump_propellant"), "kg"),
+        ("time of a dump", steady.duration, loop.get("dump_time"), "s"),
+        ("longest pulse", steady.on_time, None, "s"),
+        (
+            "pulses a year of the valve that opens most",
+            steady.pulses * YEAR / steady.interval,
+            None,
+            "",
+        ),
         (
             "propellant a year, from the simulated time",
             steady.a_year,
@@ -300,6 +310,18 @@ def tabulate_dumps(sizing: DumpSizing) -> Table:
         rows.append(("slew: momentum of the fullest wheel", momentum, None, "N.m.s"))
         rows.append(("slew: torque of that wheel", torque, None, "N.m"))
     return Table("Dumps", columns, rows, is_scaled=True)
+
+
+def _net_force(sizing: DumpSizing) -> Iterator[Row]:
+    """Yield what a dump leaves the craft as a whole, if its thrusters are no couples."""
+    net = sizing.steady.net_impulse
+    if net <= 0.0:
+        return
+    flown = sizing.loop.get("dump_net_impulse")
+    yield "net impulse of a dump", net, flown, "N.s"
+    if sizing.mass > 0.0:
+        velocity = None if flown is None else flown / sizing.mass
+        yield "net velocity of a dump", net / sizing.mass, velocity, "m/s"
 
 
 def tabulate_dump_sources(sources: Sequence[SourceShare]) -> Table:

@@ -81,7 +81,11 @@ def craft(
     ] = None,
     thrusters: Annotated[
         str | None,
-        typer.Option(help='Pairs about each axis: "4 1N"; --dump says when they fire.'),
+        typer.Option(
+            help='Pairs about each axis: "4 1N"; nozzles: "6 1N", "8 10N", "12 22N", or a csv of '
+            "x, y, z (m), u, v, w of the force, thrust (N): layout.csv. --dump says when they "
+            "fire."
+        ),
     ] = None,
     dump: Annotated[
         str | None,
@@ -152,6 +156,16 @@ def craft(
             "(default: what is stable with full wheels)."
         ),
     ] = None,
+    bias: Annotated[
+        str | None,
+        typer.Option(
+            help="What each wheel keeps against the others, away from standstill: 20mNms, or a "
+            "speed: 1000rpm."
+        ),
+    ] = None,
+    arm: Annotated[
+        str | None, typer.Option(help="Lever arm of the thrusters: 1.2m.")
+    ] = None,
     force: Annotated[
         bool, typer.Option("--force", help="Into a folder that exists.")
     ] = False,
@@ -193,6 +207,8 @@ def craft(
         wings,
         dish,
         cp,
+        bias,
+        arm,
     )
     command = shlex.join(["desat", *sys.argv[1:]])
     written, warnings = write_craft(folder, facts, command, force)
