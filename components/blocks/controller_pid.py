@@ -9,7 +9,7 @@ from ..laws.attitude_control import (
     tracking_error,
     unwound,
 )
-from ..maths.vector import IDENTITY, ZERO
+from ..maths.vector import IDENTITY, ZERO, add, mat_vec, scale, sub
 
 
 class ControllerPid(Controller):
@@ -28,6 +28,9 @@ class ControllerPid(Controller):
     With `anti_windup` the integral does not grow at a sample whose torque is limited.
     It is zero while the controller is disabled. At a sample whose attitude or rate is
     not valid there is no torque, and the integral is held.
+
+    With `feedforward` tau_ctrl_body has also G times the change of omega_ref_body
+    since the last sample over T, as a reference that slews needs it.
 
     The paper's tuning with G the inertia is kp >= beta, kd >= 3 beta, ki <= beta / 500
     (eq. 12), beta 1e-3 to 1e-2; at equality the phase margin is 3 to 22 deg. The
@@ -67,10 +70,14 @@ class ControllerPid(Controller):
     anti_windup: bool = Parameter(
         "1", "true: the integral does not grow while torque is limited"
     )
+    feedforward: bool = Parameter(
+        "1", "true: G times the reference's acceleration is added; G an inertia"
+    )
 
     def start(self) -> None:
         super().start()
-        self._xi = self.tau_ctrl_body = ZERO
+        self._xi = self.tau_ctrl_body = self._ahead = ZERO
+        self._rate_before: Vec3 | None = None
 
     def compute(self, t: float, dt: float) -> None:
         """Command the PID torque (N m, body) at a sample.
@@ -81,6 +88,7 @@ class ControllerPid(Controller):
         """
         if not self.due(t):
             return
+        self._foresee_reference(self.sample_time or dt)
         if not self.enable:
             self._xi = self.tau_ctrl_body = ZERO
             return
@@ -99,5 +107,14 @@ class ControllerPid(Controller):
         self.tau_ctrl_body = limit_torque(tau, self.torque_limit)
 
     def _torque(self, e: Vec3, d_omega: Vec3, xi: Vec3) -> Vec3:
-        """Compute the PID torque (3,) N m, body, before its limit."""
-        return pid_torque(e, d_omega, xi, self.kp, self.kd, self.ki, self.gain_matrix)
+        """Compute the torque (3,) N m, body, before its limit."""
+        tau = pid_torque(e, d_omega, xi, self.kp, self.kd, self.ki, self.gain_matrix)
+        return add(tau, self._ahead) if self.feedforward else tau
+
+    def _foresee_reference(self, period: float) -> None:
+        """Set the torque (N m) of the reference's acceleration since the last sample."""
+        before = self._rate_before
+        if self.feedforward and before is not None and period > 0.0:
+            change = scale(1.0 / period, sub(self.omega_ref_body, before))
+            self._ahead = mat_vec(self.gain_matrix, change)
+        self._rate_before = self.omega_ref_body

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 from ..bases.pointing import PointingLaw
 from ..contract.block import Parameter, Vec3, Vec4
-from ..maths.attitude import from_axes, inverse, product, rotate
-from ..maths.vector import cross, norm, scale, unit
+from ..maths.attitude import from_axes, inverse, product, propagate, rotate
+from ..maths.vector import add, cross, norm, scale, unit
 from ..physics.earth import ECLIPTIC_NORTH
 
 PARALLEL = 1e-3
@@ -12,12 +12,13 @@ PARALLEL = 1e-3
 class GuidanceSun(PointingLaw):
     """Sun pointing
 
-        C(q_ref_bi) s = `axis_body`,     omega_ref_body = `sun_rate` C(q_ref_bi) n
+        C(q_ref_bi) s = `axis_body`
+        omega_ref_body = `sun_rate` C(q_ref_bi) n + `spin_rate` axis_body
 
     at each sample, held in between, with s the unit vector to the Sun and n the
     ecliptic's north. The rotation about s brings `second_body` as near to n as
-    possible. The reference also holds in eclipse, as s is the direction to the Sun,
-    visible or not.
+    possible, and goes on from there by `spin_rate` t. The reference also holds in
+    eclipse, as s is the direction to the Sun, visible or not.
 
     Seen from the Earth the Sun moves along the ecliptic by 0.953 to 1.019 deg a day;
     omega_ref_body has the mean rate; its error is at most 7e-9 rad/s. Seen from an
@@ -44,6 +45,9 @@ class GuidanceSun(PointingLaw):
         start=1.990986e-7,
         min=0.0,
     )
+    spin_rate: float = Parameter(
+        "rad/s", "rate of the body about axis_body, from t = 0 on", usual=(-1.0, 1.0)
+    )
 
     def start(self) -> None:
         """Check both directions; compute the rotation from their axes to the body."""
@@ -66,4 +70,9 @@ class GuidanceSun(PointingLaw):
         sun = unit(self.sun_eci)
         north = unit(cross(cross(sun, ECLIPTIC_NORTH), sun))
         q = product(self._to_body, from_axes(sun, north))
-        return q, scale(self.sun_rate, rotate(q, ECLIPTIC_NORTH))
+        if self.spin_rate == 0.0:
+            return q, scale(self.sun_rate, rotate(q, ECLIPTIC_NORTH))
+        axis = unit(self.axis_body)
+        q = propagate(q, scale(self.spin_rate, axis), t)
+        north_rate = scale(self.sun_rate, rotate(q, ECLIPTIC_NORTH))
+        return q, add(north_rate, scale(self.spin_rate, axis))

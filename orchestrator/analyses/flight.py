@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import inf
+from math import ceil, inf, pi
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -62,7 +62,8 @@ WANDERS = 0.1
 NODES = 1440  # minimum number of rows of a day or orbit
 NODE_TIME = 10.0  # s, between the rows of the sources of a recorded run
 # Guidances whose attitude follows from the positions of craft and Sun, and its kind.
-GUIDED = {"guidance_sun": "sun", "guidance_yaw": "yaw"}
+GUIDED = {"guidance_sun": "sun", "guidance_yaw": "yaw", "guidance_plan": "plan"}
+TURN_ROWS = 12  # rows of a turn of a craft that spins
 # integrates its orbit, so it cannot begin at another date
 _MOVES = "environment_propagated"
 
@@ -714,6 +715,13 @@ def flight_at(
     )
 
 
+def turn_of(system: System) -> float:
+    """Return the time (s) of a turn of a craft that spins; inf: it does not."""
+    guide = system.roles.get("guidance")
+    rate = 0.0 if guide is None else float(guide.values.get("spin_rate", 0.0))
+    return 2.0 * pi / abs(rate) if rate != 0.0 else inf
+
+
 def fly_days(system: System, attitude: Attitude, since: float = 0.0) -> Flight:
     """Fly whole orbits at the wanted attitude, `since` (s) after the start.
 
@@ -724,6 +732,8 @@ def fly_days(system: System, attitude: Attitude, since: float = 0.0) -> Flight:
     first = inputs_at(block, [begin])
     period = motion.period_of(first["r_eci"][0], first["v_eci"][0])
     orbits = max(1, round(86400.0 / period))
-    times = begin + np.linspace(0.0, orbits * period, max(orbits * 90, NODES) + 1)
+    turns = orbits * period / turn_of(system)
+    rows = max(orbits * 90, NODES, ceil(TURN_ROWS * turns))
+    times = begin + np.linspace(0.0, orbits * period, rows + 1)
     block = environment_block(system.components["environment"], needless(system))
     return flown_at(system, attitude, inputs_at(block, times.tolist()), times)

@@ -40,8 +40,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from desat.components.blocks.guidance_sun import GuidanceSun
-from desat.components.blocks.guidance_yaw import GuidanceYaw
 from desat.components.contract.block import Vec4
 from desat.components.laws.integrated import null_vector
 from desat.components.maths.attitude import matrix, product
@@ -74,6 +72,7 @@ from .facts import CraftFacts
 from .nozzles import Nozzles, count_of, read_layout
 from .nozzles import layout_of as layout_of_nozzles
 from .orbits import Orbit, epoch_of, orbit_of
+from .pointing import NewPointing, limit_slews, pointing_of
 from .spread import (
     class_factor,
     format_spread,
@@ -89,7 +88,6 @@ Array = NDArray[np.float64]
 # the last two only for a craft with rods
 SCENARIOS = ("nominal", "worst", "detumbling", "rollout")
 HELD = 1.6  # class wheels over the cyclic momentum of a dipole at its end
-POINTINGS = ("nadir", "inertial", "sun", "yaw")
 # B-dot gain divided by mean moment of inertia, in units of the orbit rate. Of gains
 # from 0.003 to 0.03 1/s, flown on 24 random crafts of 1U to 150 kg, it is within 1.3 of
 # the fastest in 23. Stronger rods are saturated for a shorter time, which does not
@@ -342,7 +340,10 @@ def _assumptions(facts: CraftFacts, values: Mapping[str, Any]) -> Iterator[Assum
             number, _, unit = value.strip('"').partition(" ")
             yield Assumption(key.replace("_", " "), number, unit, origin)
     yield Assumption(
-        "pointing", values["pointing"], "", "given" if facts.pointing else "class"
+        "pointing",
+        values["wanted"].words,
+        "",
+        "given" if facts.pointing else "class",
     )
     yield Assumption(
         "wheels",
@@ -443,18 +444,16 @@ def _template_values(
     facts: CraftFacts, name: str, command: str, dipole_sign: float
 ) -> dict[str, Any]:
     """Return the values that the templates are filled with."""
-    pointing = facts.pointing or ("nadir" if facts.sun is None else "sun")
-    if pointing not in POINTINGS:
-        raise DesatError(
-            f"--pointing {pointing}: no such pointing{choices(pointing, POINTINGS)}"
-        )
     body = body_of(facts)
     mass, sides, inertia = body.mass, body.sides, list(body.inertia)
     epoch = epoch_of(facts)
-    orbit = orbit_of(facts, (epoch - J2000).total_seconds())
-    if pointing in ("nadir", "yaw") and not orbit.of_earth:
+    since_j2000 = (epoch - J2000).total_seconds()
+    orbit = orbit_of(facts, since_j2000)
+    wanted = pointing_of(facts.pointing, facts.sun is not None, since_j2000, inertia)
+    pointing = wanted.kind
+    if pointing in ("nadir", "yaw", "plan") and not orbit.of_earth:
         raise DesatError(
-            f"--pointing {pointing}: there is no Earth about the Sun; sun and "
+            f"--pointing {wanted.words}: there is no Earth about the Sun; sun and "
             "inertial are left"
         )
     outer = given_torque(facts)
@@ -466,7 +465,7 @@ def _template_values(
         torque=outer,
     )
     dipole = _dipole(facts, mass, dipole_sign) if sources.dipole else NO_DIPOLE
-    start = _start(pointing, orbit)
+    start = _start(wanted, orbit)
     cycle = partial(_cycle, pointing, orbit, inertia, start)
     wheels = _wheels(facts, inertia, _mass_class(mass), cycle, dipole)
     rods = _rods(facts, mass, sides, orbit)
@@ -475,7 +474,8 @@ def _template_values(
         raise DesatError(
             f"--propellant {facts.propellant}: more than 90 % of {mass:g} kg"
         )
-    turns = pointing in ("nadir", "yaw")
+    turns = pointing in ("nadir", "yaw", "plan")
+    wanted = limit_slews(wanted, inertia, wheels.torque_si, wheels.capacity_si)
     step = _step(orbit, inertia, wheels.torque_si, surfaces, turns)
     given_sample = None if facts.sample is None else _given_sample(facts.sample)
     step = step if given_sample is None else given_sample
@@ -502,13 +502,14 @@ def _template_values(
         "title": name,
         "command": command,
         "pointing": pointing,
+        "wanted": wanted,
         "orbit": orbit,
         "start": start,
         "outer": outer,
         "has": sources,
         "worse": ", ".join(_worse(orbit, sources)),
         "epoch": epoch.strftime("%Y-%m-%dT%H:%M:%SZ"),
-        "description": f"{mass:.4g} kg, {pointing} pointing under "
+        "description": f"{mass:.4g} kg, {wanted.words} pointing under "
         + _torques(orbit, sources)
         + "; "
         + (
@@ -747,19 +748,19 @@ def _worse(orbit: Orbit, sources: Sources) -> list[str]:
     return worse
 
 
-def _start(pointing: str, orbit: Orbit) -> dict[str, Any]:
+def _start(pointing: NewPointing, orbit: Orbit) -> dict[str, Any]:
     """Return the reference attitude at t = 0, and one with the error OFF.
 
     Both are relative to lvlh or to eci.
     """
-    if pointing in ("nadir", "inertial"):
+    if not pointing.values and pointing.kind in ("nadir", "inertial"):
         return {
-            "frame": "lvlh" if pointing == "nadir" else "eci",
+            "frame": "lvlh" if pointing.kind == "nadir" else "eci",
             "q": None,
             "off": _list(OFF),
             "turned": np.eye(3),
         }
-    block = GuidanceSun() if pointing == "sun" else GuidanceYaw()
+    block = pointing.block()
     (block.r_eci, block.v_eci), block.sun_eci = orbit.state, orbit.sun
     block.check()
     block.start()
@@ -1160,7 +1161,7 @@ def _cycle(
     if orbit.eccentricity >= 0.1 or not orbit.of_earth:
         return 0.0
     a, b, c = inertia
-    to_earth = pointing in ("nadir", "yaw")
+    to_earth = pointing in ("nadir", "yaw", "plan")
     momentum = cyclic.momentum(
         to_earth,
         orbit.rate,

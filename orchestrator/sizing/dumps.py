@@ -38,6 +38,7 @@ from desat.components.physics.orbit import MU
 
 from ..analyses import attitude_loop, unmanaged_orbit, wheels
 from ..analyses.flight import (
+    TURN_ROWS,
     Attitude,
     Flight,
     Hardware,
@@ -48,6 +49,7 @@ from ..analyses.flight import (
     inputs_at,
     needless,
     secular,
+    turn_of,
     values_of,
     wanted_attitude,
 )
@@ -1028,7 +1030,8 @@ def _through(
     None where that takes too many rows, or the environment ends before `span` (s).
     """
     block = environment_block(system.components["environment"], needless(system))
-    times = system.start + _nodes(block, system.start, flight, span, interval / BETWEEN)
+    longest = min(interval / BETWEEN, turn_of(system) / TURN_ROWS)
+    times = system.start + _nodes(block, system.start, flight, span, longest)
     if len(times) > MOST_ROWS:
         return None
     try:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import ceil
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,11 +24,13 @@ from desat.components.physics.torques import PLATE_COLUMNS
 
 from ..analyses.flight import (
     TABLE_TORQUE,
+    TURN_ROWS,
     Flight,
     Hardware,
     integral,
     secular,
     torques,
+    turn_of,
 )
 from ..campaign.sampling import AREA, PLATES, draw_one
 from ..language.content import dispersions_of
@@ -145,7 +148,9 @@ def draw(
     ]
     if not names or not flight.inputs:
         return None
-    flight, count = _thin(flight, rows), count or DRAWS
+    turns = float(flight.times[-1] - flight.times[0]) / turn_of(system)
+    flight = _thin(flight, max(rows, ceil(TURN_ROWS * turns)))
+    count = count or DRAWS
     bases = ImpulseBases(system, flight, names)
     specs = dispersions_of(system)
     values = {}

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import pi
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from desat.components.physics.wheel_array import (
     to_wheels,
 )
 
-from ..analyses.flight import Flight, native_of
+from ..analyses.flight import TURN_ROWS, Flight, native_of
 from ..engine.instances.fmu import rows_of
 from ..system.model import Component
 from .compatibility import law_name
@@ -318,6 +319,13 @@ def _sample_of(inputs: dict[str, Array], k: int) -> dict[str, tuple[float, ...]]
     return {name: tuple(x[k].tolist()) for name, x in inputs.items()}
 
 
+def _fastest(flight: Flight) -> float:
+    """Return the largest rate (rad/s) at which a craft turns between rows; 1e-12 or more."""
+    q, steps = flight.q, np.diff(flight.times)
+    along = np.abs((q[1:] * q[:-1]).sum(axis=1)).clip(max=1.0)
+    return max(float((2.0 * np.arccos(along) / steps).max()), 1e-12)
+
+
 def hold_of(law: Law, flight: Flight, most: float = STEP) -> int:
     """Return the number of rows of a flight between two samples of the model.
 
@@ -331,4 +339,5 @@ def hold_of(law: Law, flight: Flight, most: float = STEP) -> int:
     b = np.linalg.norm(flight.b[rows], axis=1)
     rate = float((np.linalg.norm(linearised.gain, ord=2, axis=(1, 2)) * b).max())
     longest = min(most, SLOW / rate) if rate > 0.0 else most
+    longest = min(longest, 2.0 * pi / TURN_ROWS / _fastest(flight))
     return max(hold, int(longest / (hold * step) + 1e-9) * hold)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..analyses.flight import (
+    TURN_ROWS,
     Attitude,
     Flight,
     Hardware,
@@ -20,6 +21,7 @@ from ..analyses.flight import (
     inputs_at,
     needless,
     secular,
+    turn_of,
     values_of,
 )
 from ..analyses.motion import period_of
@@ -80,7 +82,8 @@ def days_of_year(
     first = inputs_at(block, [0.0])
     period = period_of(first["r_eci"][0], first["v_eci"][0])
     span = period * max(1, int(86400.0 / period))
-    since = np.linspace(0.0, span, round(span / YEAR_ROW_SPACING) + 1)
+    spacing = min(YEAR_ROW_SPACING, turn_of(system) / TURN_ROWS)
+    since = np.linspace(0.0, span, round(span / spacing) + 1)
     levels = _activities(component, values_of(system)["spacecraft"], own_day)
     epoch = float(getattr(block, "epoch_j2000", 0.0))
     begin = datetime(2000, 1, 1, 12, tzinfo=UTC) + timedelta(seconds=epoch)
