@@ -99,6 +99,13 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
     gravity_gradient: bool = Parameter(
         "1", "true: gravity-gradient torque", start=True, needs=("r_eci", "v_eci")
     )
+    mu: float = Parameter(
+        "m3/s2",
+        "gravitational parameter of what it orbits",
+        start=MU,
+        min=1e9,
+        follows="environment.mu",
+    )
     residual_dipole_body: Vec3 = Parameter(
         "A.m2", "dipole of the craft itself, body", needs=("b_eci",)
     )
@@ -186,7 +193,7 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         # drag with every surface facing the flow (N m over density speed^2); light with
         # every surface a mirror (N m).
         self._gravity_size = (
-            1.5 * MU * max(self.inertia[0], self.inertia[4], self.inertia[8])
+            1.5 * self.mu * max(self.inertia[0], self.inertia[4], self.inertia[8])
         )
         on_plates = torques.lever(self._plates)
         drag = self.area_drag * norm(self.centre_drag_body)
@@ -258,7 +265,7 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         if magnetic:
             field = course(self.b_eci, self.b_rate_eci, self.b_accel_eci, dt)
         if self.gravity_gradient:
-            place = course(self.r_eci, self.v_eci, _fall(self.r_eci), dt)
+            place = course(self.r_eci, self.v_eci, self._fall(self.r_eci), dt)
         slope = slopes(
             self.inertia,
             self._half_inverse,
@@ -268,6 +275,7 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
             field,
             place,
             self._surfaces(dt),
+            self.mu,
         )
         y = (*self._q, *self._momentum)
         if angle * square * square + torque_angle * bend <= self._limit4:
@@ -313,6 +321,10 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
             )
         return angle
 
+    def _fall(self, r: Vec3) -> Vec3:
+        """Compute the acceleration (m/s2) towards the centre at r (m)."""
+        return scale(-self.mu / norm(r) ** 3, r)
+
     def _largest_around(self) -> float:
         """Compute an upper bound of the torque by gravity, air and light (N m)."""
         torque = self._light_size * self.sunlight
@@ -334,7 +346,9 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         # velocity relative to the air, eci: a + e b
         r, v, spin = self.r_eci, self.v_eci, (0.0, 0.0, EARTH_RATE)
         ax, ay, az = sub(v, cross(spin, r))
-        bx, by, bz = scale(dt, sub(_fall(r), cross(spin, v))) if drag != NONE else ZERO
+        bx, by, bz = (
+            scale(dt, sub(self._fall(r), cross(spin, v))) if drag != NONE else ZERO
+        )
         density, sun_eci = self.density, self.sun_eci
         pressure = self.sunlight * torques.SOLAR_PRESSURE
         cd, fixed_plates, drives, driven = (
@@ -372,8 +386,3 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
             )
 
         return surfaces
-
-
-def _fall(r: Vec3) -> Vec3:
-    """Compute the acceleration (m/s2) towards the Earth's centre at r (m)."""
-    return scale(-MU / norm(r) ** 3, r)

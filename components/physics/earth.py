@@ -125,10 +125,12 @@ def raan_of_local_time(hours: float, epoch: float) -> float:
     return (mean_sun + (hours - 12.0) * tau / 24.0) % tau
 
 
-def sunlight(r_date: Vec3, sun_date: Vec3, sun_distance: float) -> float:
+def sunlight(
+    r_date: Vec3, sun_date: Vec3, sun_distance: float, body_radius: float = EARTH_RADIUS
+) -> float:
     """Compute the visible fraction of the Sun's disc at r (m): 0 in umbra.
 
-    It is 1 outside of the penumbra. The Earth is a sphere of the equatorial radius. Two
+    It is 1 outside of the penumbra. The body, by default the Earth, is a sphere. Two
     overlapping discs, Montenbruck & Gill, Satellite Orbits, section 3.4.2.
     """
     x, y, z = r_date
@@ -142,7 +144,7 @@ def sunlight(r_date: Vec3, sun_date: Vec3, sun_distance: float) -> float:
     distance = sqrt(sun_distance * (sun_distance - 2.0 * along) + size2)
     radius = sqrt(size2)
     a = asin(SUN_RADIUS / distance)
-    b = asin(min(EARTH_RADIUS / radius, 1.0))
+    b = asin(min(body_radius / radius, 1.0))
     c = acos(max((size2 - sun_distance * along) / (distance * radius), -1.0))
     if c >= a + b:
         return 1.0

@@ -74,6 +74,7 @@ def slopes(
     field: Quadratic | None,
     place: Quadratic | None,
     others: Torque | None,
+    mu: float = MU,
 ) -> Slope:
     """Build f(e, y), the derivative per second of y = (q, H).
 
@@ -84,8 +85,9 @@ def slopes(
 
     In body: inertia J (kg m2), half_inverse J_r^-1 / 2, wheels h (N m s), torque tau (N
     m) and dipole m (A m2). In eci: field B (T) and place r (m), each None where it does
-    not act. Vectors have x, y, z in body and u, v, w in eci. The expressions are
-    written out one after another because a simulation spends most of its time here.
+    not act. mu (m3/s2) is by default the Earth's. Vectors have x, y, z in body and u,
+    v, w in eci. The expressions are written out one after another because a simulation
+    spends most of its time here.
     """
     j11, j12, j13, j21, j22, j23, j31, j32, j33 = inertia
     i11, i12, i13, i21, i22, i23, i31, i32, i33 = half_inverse
@@ -94,7 +96,7 @@ def slopes(
     (m0x, m0y, m0z), (m1x, m1y, m1z) = dipole
     (b0x, b0y, b0z), (b1x, b1y, b1z), (b2x, b2y, b2z) = field or _NONE
     (r0x, r0y, r0z), (r1x, r1y, r1z), (r2x, r2y, r2z) = place or _NONE
-    mu3 = 3.0 * MU
+    mu3 = 3.0 * mu
     magnetic, gravity = field is not None, place is not None
     free = not (magnetic or gravity or others or torque != STILL)
 

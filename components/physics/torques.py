@@ -28,15 +28,15 @@ Plate = tuple[
 Plates = tuple[Plate, ...]
 
 
-def gravity_gradient(r: Vec3, inertia: Mat33) -> Vec3:
+def gravity_gradient(r: Vec3, inertia: Mat33, mu: float = MU) -> Vec3:
     """Compute the gravity-gradient torque 3 mu / r^5 r x J r (N m).
 
-    r (m) is the position from the Earth's centre, body.
+    r (m) is the position from the centre, body; mu (m3/s2) by default the Earth's.
     """
     x, y, z = r
     jx, jy, jz = mat_vec(inertia, r)
     size2 = x * x + y * y + z * z
-    g = 3.0 * MU / (size2 * size2 * sqrt(size2))
+    g = 3.0 * mu / (size2 * size2 * sqrt(size2))
     return (g * (y * jz - z * jy), g * (z * jx - x * jz), g * (x * jy - y * jx))
 
 

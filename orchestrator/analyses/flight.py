@@ -299,7 +299,7 @@ def flight_of(system: System, results: Any) -> Flight:
     h = results.values(
         "wheels.h_wheel" if "wheels.h_wheel" in series_names else SERIES[3]
     )
-    period = motion.period_of(r[0], v[0])
+    period = motion.period_of(r[0], v[0], motion.mu_of(system))
     if times[-1] - times[0] < period:
         raise DesatError(
             f"{system.name}: the run lasts {times[-1] - times[0]:g} s, an orbit "
@@ -700,7 +700,7 @@ def flight_at(
     hardware = hardware_of(system)
     return Flight(
         times,
-        motion.period_of(r[0], v[0]),
+        motion.period_of(r[0], v[0], motion.mu_of(system)),
         np.sum(list(sources.values()), axis=0),
         q,
         inputs["b_eci"],
@@ -730,7 +730,9 @@ def fly_days(system: System, attitude: Attitude, since: float = 0.0) -> Flight:
     begin = system.start + since
     block = environment_block(system.components["environment"], needless(system))
     first = inputs_at(block, [begin])
-    period = motion.period_of(first["r_eci"][0], first["v_eci"][0])
+    period = motion.period_of(
+        first["r_eci"][0], first["v_eci"][0], motion.mu_of(system)
+    )
     orbits = max(1, round(86400.0 / period))
     turns = orbits * period / turn_of(system)
     rows = max(orbits * 90, NODES, ceil(TURN_ROWS * turns))

@@ -42,7 +42,7 @@ from ..system.wheels import axes_of, capacities, existing, smallest_capacity
 from . import Parts, with_titles
 from .flight import environment_block, guided, inputs_at, without_field
 from .manifest import Manifest
-from .motion import period_of
+from .motion import mu_of, period_of
 from .residual import carrier_of, missing
 
 if TYPE_CHECKING:
@@ -333,7 +333,7 @@ def _turned(system: System, bias: Array) -> float:
     component = system.roles["environment"]
     block = environment_block(component, without_field(component))
     first = inputs_at(block, [system.start])
-    period = period_of(first["r_eci"][0], first["v_eci"][0])
+    period = period_of(first["r_eci"][0], first["v_eci"][0], mu_of(system))
     ends = (
         min(system.stop, system.start + 2.0 * period),
         system.stop,

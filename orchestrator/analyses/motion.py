@@ -41,15 +41,23 @@ WEIGHTS = (1.0 / 20.0, 49.0 / 180.0, 16.0 / 45.0, 49.0 / 180.0, 1.0 / 20.0)
 BEYOND = 1e10  # m: a body farther than this from its centre orbits the Sun
 
 
-def period_of(r: Sequence[float] | Array, v: Sequence[float] | Array) -> float:
-    """Compute the period (s) of the orbit through r (m) with v (m/s).
+def period_of(
+    r: Sequence[float] | Array, v: Sequence[float] | Array, mu: float = MU
+) -> float:
+    """Compute the period (s) of the orbit through r (m) with v (m/s) about mu (m3/s2).
 
     It is a day for an orbit about the Sun.
     """
     if float(np.linalg.norm(r)) > BEYOND:
         return 86400.0
-    axis = 1.0 / (2.0 / float(np.linalg.norm(r)) - float(np.dot(v, v)) / MU)
-    return 2.0 * pi * sqrt(axis**3 / MU)
+    axis = 1.0 / (2.0 / float(np.linalg.norm(r)) - float(np.dot(v, v)) / mu)
+    return 2.0 * pi * sqrt(axis**3 / mu)
+
+
+def mu_of(system: System) -> float:
+    """Return the gravitational parameter (m3/s2) of what a craft orbits."""
+    craft = system.roles.get("spacecraft")
+    return MU if craft is None else float(craft.values.get("mu", MU))
 
 
 def _turned(q: Array, omega: Array) -> Array:
@@ -275,7 +283,8 @@ class _ExternalTorque:
         self._dt = dt
         self._inertia = np.reshape(values["inertia"], (3, 3))
         distance = np.linalg.norm(x["r_eci"], axis=1, keepdims=True)
-        self._fall = -MU * x["r_eci"] / distance**3  # m/s2, eci
+        self._mu = float(values.get("mu", MU))
+        self._fall = -self._mu * x["r_eci"] / distance**3  # m/s2, eci
         self._plates = np.array(values["plates"], float).reshape(-1, PLATE_COLUMNS)
         self._plates[:, 4:7] += values["offset_plates_body"]
         # plates that have an area
@@ -313,7 +322,7 @@ class _ExternalTorque:
         x = self._x
         r = rotate(q, x["r_eci"] + t * x["v_eci"] + 0.5 * t * t * self._fall)
         size = np.linalg.norm(r, axis=1, keepdims=True)
-        return np.asarray(3.0 * MU / size**5 * cross(r, r @ self._inertia.T))
+        return np.asarray(3.0 * self._mu / size**5 * cross(r, r @ self._inertia.T))
 
     def _drag(self, t: float | Array, q: Array) -> Array:
         """Compute the drag torque (N m, body) at t (s) after the starts of the steps."""

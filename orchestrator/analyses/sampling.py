@@ -15,7 +15,7 @@ from ..system.errors import DesatError
 from ..system.model import Component, System
 from ..system.parameters import bare_block
 from .flight import environment_block, inputs_at
-from .motion import period_of
+from .motion import mu_of, period_of
 
 LARGEST_ORBIT_SHARE = 0.1  # of an orbit, for a sample time
 SHORTEST_ORBIT = 5000.0  # s: at the ground it takes 5,060 s
@@ -95,7 +95,7 @@ def orbit_period(system: System) -> float | None:
         block.output(system.start)
     except BlockError:
         return None
-    return period_of(block.r_eci, block.v_eci)
+    return period_of(block.r_eci, block.v_eci, mu_of(system))
 
 
 def _own_fields(system: System) -> Iterator[OwnField]:

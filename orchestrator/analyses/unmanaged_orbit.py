@@ -219,23 +219,24 @@ def _most_in_an_orbit(system: System, craft: Component) -> float:
     torque += (
         SOLAR_PRESSURE * light * 2.0 * _lever(values, "radiation", "area_radiation")
     )
+    mu = float(values.get("mu", MU))
     if radius < motion.BEYOND:
-        period = motion.period_of(r, v)
-        axis = (MU * (period / (2.0 * pi)) ** 2) ** (1.0 / 3.0)
-        eccentric = (r @ v) ** 2 / (MU * axis) + (1.0 - radius / axis) ** 2
+        period = motion.period_of(r, v, mu)
+        axis = (mu * (period / (2.0 * pi)) ** 2) ** (1.0 / 3.0)
+        eccentric = (r @ v) ** 2 / (mu * axis) + (1.0 - radius / axis) ** 2
         near = axis * (1.0 - sqrt(min(eccentric, 0.99)))
         inertia = np.linalg.eigvalsh(
             np.reshape(values.get("inertia", np.zeros(9)), (3, 3))
         )
-        torque += 1.5 * MU / near**3 * float(inertia[-1] - inertia[0])
+        torque += 1.5 * mu / near**3 * float(inertia[-1] - inertia[0])
         field = LARGEST_FIELD * (EARTH_RADIUS / near) ** 3
         torque += field * float(np.linalg.norm(values.get("residual_dipole_body", 0.0)))
         density = 10.0 * atmosphere.table(near - EARTH_RADIUS)  # high solar activity
         torque += (
-            density * MU / near * 2.2 * _lever(values, "aerodynamics", "area_drag")
+            density * mu / near * 2.2 * _lever(values, "aerodynamics", "area_drag")
         )
         return float(period * (torque + _largest_table_torque(system)))
-    return float(motion.period_of(r, v) * (torque + _largest_table_torque(system)))
+    return float(motion.period_of(r, v, mu) * (torque + _largest_table_torque(system)))
 
 
 def _lever(values: Values, option: str, area: str) -> float:

@@ -451,7 +451,7 @@ def _template_values(
     orbit = orbit_of(facts, since_j2000)
     wanted = pointing_of(facts.pointing, facts.sun is not None, since_j2000, inertia)
     pointing = wanted.kind
-    if pointing in ("nadir", "yaw", "plan") and not orbit.of_earth:
+    if pointing in ("nadir", "yaw", "plan") and not orbit.has_centre:
         raise DesatError(
             f"--pointing {wanted.words}: there is no Earth about the Sun; sun and "
             "inertial are left"
@@ -496,7 +496,7 @@ def _template_values(
     dump = _dump(facts, wheels, thrusters, rods is not None, min(inertia), step)
     bias = _null_bias(facts, wheels)
     enough = bandwidth == quick
-    rate = orbit.rate if orbit.of_earth else QUICKEST
+    rate = orbit.rate if orbit.has_centre else QUICKEST
     tumble = 5.0 if mass < 50.0 else 1.0
     return {
         "title": name,
@@ -731,7 +731,7 @@ class Sources:
 
 def _torques(orbit: Orbit, sources: Sources) -> str:
     """List the torques on the craft as text."""
-    names = ["gravity gradient"] * orbit.of_earth
+    names = ["gravity gradient"] * orbit.has_centre
     names += ["drag"] * sources.air + ["radiation"] * sources.light
     names += ["its own dipole"] * sources.dipole
     if sources.torque is not None:
@@ -1008,7 +1008,7 @@ def _stop(orbit: Orbit, dump: NewDumps | None, torque: float, step: float) -> fl
     """
     days = 1.0
     if orbit.period >= SLOW:
-        days = math.ceil(10.0 * orbit.period / 86400.0) if orbit.of_earth else 10.0
+        days = math.ceil(10.0 * orbit.period / 86400.0) if orbit.has_centre else 10.0
     if dump is not None and dump.by == "thrusters":
         between = 1.7 * dump.momentum / max(torque, 1e-12)
         if dump.period > 0.0:
@@ -1283,7 +1283,7 @@ def _rods(
         return None
     if not orbit.of_earth:
         raise DesatError(
-            f"--rods {facts.rods}: there is no field in deep space; thrusters dump "
+            f"--rods {facts.rods}: there is no field to speak of there; thrusters dump "
             "there, as --thrusters '4 10mN' --dump 'thrusters 70:10'"
         )
     share = quantity("", classes()["dipoles"][_mass_class(mass)]["rods"], "A.m2")

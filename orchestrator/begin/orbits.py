@@ -12,11 +12,13 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+from desat.components.blocks import environment_planet
 from desat.components.blocks.environment_sun import SUN_MU
 from desat.components.contract.block import Vec3
 from desat.components.physics import earth
 from desat.components.physics.orbit import (
     EARTH_RADIUS,
+    MU,
     ellipse_state,
     mean_motion,
     perifocal_axes,
@@ -31,7 +33,7 @@ from ..system.quantity import Quantity
 from .facts import CraftFacts
 from .two_line import check_layout
 
-ALTITUDES = 150.0, 2000.0  # km, of a circular orbit
+ALTITUDES = 150.0, 300_000.0  # km, of a circular orbit
 FARTHEST = 400_000.0  # km: highest apogee; beyond it is no orbit about the Earth alone
 MOST_ECCENTRIC = 0.95  # as environment_kepler has it
 AIR = 1000.0  # km: there is no air from this perigee on
@@ -43,6 +45,12 @@ ORBITS = {
     "molniya": ("504x39863km", 63.4349, 270.0, "class: its perigee stays in the south"),
 }
 INCLINATION = Quantity("--inclination", "deg", 0.0, 180.0, bare=False)
+HIGHEST_AIR = 2e6  # m: height of a circular orbit up to which air is modelled
+# `moon 100km`, `mars 250x400km`, and the heights (km) that are taken
+_PLANET = re.compile(r"\s*(moon|mars)\s+([\d.]+)(?:\s*x\s*([\d.]+))?\s*km\s*", re.I)
+PLANET_HEIGHTS = 10.0, 100_000.0
+# Distance from the Sun (AU) of places where the craft moves with the Earth.
+PLACES = {"l1": 0.99, "l2": 1.01}
 DISTANCES = 0.1, 40.0  # astronomical units from the Sun
 YEARS = 1957, 2056  # of an epoch: years that two-line elements can express
 
@@ -61,6 +69,7 @@ class Orbit:
     sun: Vec3  # unit vector to the Sun at t = 0, eci
     light: float = 1.0  # sunlight over that at 1 astronomical unit
     air: bool = True
+    mu: float = MU  # m3/s2, of what it is about
 
     @property
     def period(self) -> float:
@@ -69,7 +78,12 @@ class Orbit:
 
     @property
     def of_earth(self) -> bool:
-        """Return whether there are a field, a shadow and a gravity gradient."""
+        """Return whether it is about the Earth, with its field and air."""
+        return self.block not in ("environment_sun", "environment_planet")
+
+    @property
+    def has_centre(self) -> bool:
+        """Return whether there are a nadir, a shadow and a gravity gradient."""
         return self.block != "environment_sun"
 
     @property
@@ -141,6 +155,8 @@ def orbit_of(facts: CraftFacts, epoch: float) -> Orbit:
         return _of_tle(facts.tle, epoch)
     if facts.sun is not None:
         return _about_the_sun(facts.sun)
+    if facts.orbit is not None and (match := _PLANET.fullmatch(facts.orbit)):
+        return _about_a_planet(match, facts, epoch)
     if facts.orbit is not None:
         return _of_ends(facts.orbit, facts.inclination, epoch)
     return _circular(facts, (names or ["--altitude"])[0], epoch)
@@ -164,6 +180,7 @@ def _circular(facts: CraftFacts, option: str, epoch: float) -> Orbit:
         hours = _hours(facts.ltan or "10:30")
         raan = earth.raan_of_local_time(hours, epoch)
         raan_why = f"ascending node at {facts.ltan or '10:30, class'} local time"
+    air = height < 1e3 * AIR or height <= HIGHEST_AIR
     rows = (
         (
             "semi_major_axis",
@@ -173,9 +190,13 @@ def _circular(facts: CraftFacts, option: str, epoch: float) -> Orbit:
         ("inclination", f'"{math.degrees(inclination):.6g} deg"', origin),
         ("raan", f'"{math.degrees(raan):.6g} deg"', raan_why),
         ("j2", "true", "its node and perigee drift"),
-        ("atmosphere", '"activity"', "by solar activity: moderate"),
+        (
+            "atmosphere",
+            '"activity"' if air else '"none"',
+            "by solar activity: moderate" if air else "there is none so high",
+        ),
     )
-    return _kepler(rows, axis, 0.0, inclination, raan, 0.0, epoch)
+    return _kepler(rows, axis, 0.0, inclination, raan, 0.0, epoch, air)
 
 
 def _kepler(
@@ -264,11 +285,12 @@ def _of_ends(text: str, name: str | None, epoch: float) -> Orbit:
 def _about_the_sun(text: str) -> Orbit:
     """Return a circular orbit about the Sun in the ecliptic, at a distance."""
     match = re.fullmatch(r"\s*([\d.]+)\s*(?:AU|au)\s*", text)
-    if match is None:
+    place = PLACES.get(text.strip().lower())
+    if match is None and place is None:
         raise DesatError(
-            f"--sun {text}: a distance in astronomical units is needed, as 1.52AU"
+            f"--sun {text}: a distance in astronomical units is needed, as 1.52AU, or L1, L2"
         )
-    distance = Quantity("--sun", "1", *DISTANCES)(match[1])
+    distance = place or Quantity("--sun", "1", *DISTANCES)(match[1] if match else "")
     axis = distance * earth.ASTRONOMICAL_UNIT
     rate = mean_motion(axis, SUN_MU)
     s, c = math.sin(earth.OBLIQUITY), math.cos(earth.OBLIQUITY)
@@ -277,7 +299,8 @@ def _about_the_sun(text: str) -> Orbit:
         (
             "semi_major_axis",
             f'"{axis / 1e3:.9g} km"',
-            f"{distance:g} astronomical units",
+            f"{distance:g} astronomical units"
+            + ("" if place is None else f": {text.strip().upper()} of Sun and Earth"),
         ),
     )
     return Orbit(
@@ -290,6 +313,48 @@ def _about_the_sun(text: str) -> Orbit:
         (-1.0, 0.0, 0.0),
         1.0 / distance**2,
         False,
+    )
+
+
+def _about_a_planet(match: re.Match[str], facts: CraftFacts, epoch: float) -> Orbit:
+    """Return an orbit about the Moon or Mars, given by heights of its ends."""
+    name = match[1].lower()
+    mu, radius, *_ = environment_planet.BODIES[("moon", "mars").index(name)]
+    form = Quantity(f"--orbit {name}", "km", *PLANET_HEIGHTS)
+    low, high = sorted(form(f"{x} km") for x in (match[2], match[3] or match[2]))
+    near, far = (radius + 1e3 * height for height in (low, high))
+    axis, eccentricity = (near + far) / 2.0, (far - near) / (far + near)
+    degrees = 90.0 if facts.inclination is None else INCLINATION(facts.inclination)
+    origin = "class: polar" if facts.inclination is None else "given"
+    rows = (
+        (
+            "semi_major_axis",
+            f'"{axis / 1e3:.9g} km"',
+            f"{low:g} x {high:g} km above {radius / 1e3:g} km",
+        ),
+        ("body", f'"{name}"', "about what it orbits"),
+        ("eccentricity", f"{eccentricity:.9g}", "by these heights"),
+        ("inclination", f'"{degrees:.6g} deg"', f"to its equator; {origin}"),
+        ("j2", "true", "its node and periapsis drift"),
+    )
+    block = environment_planet.EnvironmentPlanet()
+    block.body, block.epoch_j2000 = ("moon", "mars").index(name), epoch
+    block.semi_major_axis, block.eccentricity = axis, eccentricity
+    block.inclination = math.radians(degrees)
+    block.check()
+    block.start()
+    block.output(0.0)
+    return Orbit(
+        "environment_planet",
+        rows,
+        mean_motion(axis, mu),
+        block.inclination,
+        eccentricity,
+        (block.r_eci, block.v_eci),
+        block.sun_eci,
+        block.sunlight or 1.0,
+        False,
+        mu,
     )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from desat.components.contract.block import BlockError
 
-from ..analyses.motion import period_of
+from ..analyses.motion import mu_of, period_of
 from ..files import craft, paths, scenario
 from ..files.build import build
 from ..files.completion import system_of
@@ -105,7 +105,9 @@ def with_stop(target: str | Scenario, options: Options) -> Options:
         block.output(system.start)
     except BlockError as error:
         raise DesatError(f"--stop {options.stop}: environment: {error}") from error
-    steps = round(count * period_of(block.r_eci, block.v_eci) / system.step)
+    steps = round(
+        count * period_of(block.r_eci, block.v_eci, mu_of(system)) / system.step
+    )
     return replace(options, stop=system.start + max(1, steps) * system.step)
 
 

@@ -34,7 +34,6 @@ from numpy.typing import NDArray
 
 from desat.components.bases.dumping import DUMPING
 from desat.components.blocks.manager_threshold import ManagerThreshold
-from desat.components.physics.orbit import MU
 
 from ..analyses import attitude_loop, unmanaged_orbit, wheels
 from ..analyses.flight import (
@@ -53,7 +52,7 @@ from ..analyses.flight import (
     values_of,
     wanted_attitude,
 )
-from ..analyses.motion import BEYOND
+from ..analyses.motion import BEYOND, mu_of
 from ..campaign.draws import series_of_numbers
 from ..campaign.sampling import draw_one
 from ..language.content import content_of, dispersions_of
@@ -1031,7 +1030,8 @@ def _through(
     """
     block = environment_block(system.components["environment"], needless(system))
     longest = min(interval / BETWEEN, turn_of(system) / TURN_ROWS)
-    times = system.start + _nodes(block, system.start, flight, span, longest)
+    mu = mu_of(system)
+    times = system.start + _nodes(block, system.start, flight, span, longest, mu)
     if len(times) > MOST_ROWS:
         return None
     try:
@@ -1041,7 +1041,7 @@ def _through(
 
 
 def _nodes(
-    block: Any, start: float, flight: Flight, span: float, longest: float
+    block: Any, start: float, flight: Flight, span: float, longest: float, mu: float
 ) -> Array:
     """Return times (s) since the start through a span, at most `longest` apart.
 
@@ -1049,13 +1049,13 @@ def _nodes(
     have equally many.
     """
     r, v = flight.r[0], flight.v[0]
-    size, rate = float(np.linalg.norm(r)), 2.0 * pi / flight.period
+    size = float(np.linalg.norm(r))
     if size > BEYOND:
         step = min(COARSE, longest)
         return np.arange(0.0, span + step, step)
     fine = ceil(flight.period / longest)
-    axis = (MU / rate**2) ** (1.0 / 3.0)
-    eccentricity = hypot(float(r @ v) / sqrt(MU * axis), 1.0 - size / axis)
+    axis = 1.0 / (2.0 / size - float(v @ v) / mu)
+    eccentricity = hypot(float(r @ v) / sqrt(mu * axis), 1.0 - size / axis)
     if eccentricity < 0.1:
         each = max(45 if flight.period < SLOW_ORBIT else 90, fine)
         count = ceil(span / flight.period * each) + 1

@@ -24,7 +24,7 @@ from ..analyses.flight import (
     turn_of,
     values_of,
 )
-from ..analyses.motion import period_of
+from ..analyses.motion import mu_of, period_of
 from ..system.errors import DesatError
 from ..system.model import Component, System, Values
 from .least_rod import least_by_formula, least_by_programme, reach
@@ -80,7 +80,7 @@ def days_of_year(
     component = system.components["environment"]
     block = environment_block(component, needless(system))
     first = inputs_at(block, [0.0])
-    period = period_of(first["r_eci"][0], first["v_eci"][0])
+    period = period_of(first["r_eci"][0], first["v_eci"][0], mu_of(system))
     span = period * max(1, int(86400.0 / period))
     spacing = min(YEAR_ROW_SPACING, turn_of(system) / TURN_ROWS)
     since = np.linspace(0.0, span, round(span / spacing) + 1)

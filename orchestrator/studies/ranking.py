@@ -21,7 +21,7 @@ from ..analyses import analyses
 from ..analyses.flight import attitude_of, flight_of, series_for, values_of
 from ..analyses.management import is_braking
 from ..analyses.manifest import SubstepChoice
-from ..analyses.motion import period_of
+from ..analyses.motion import mu_of, period_of
 from ..campaign.draws import series_of_numbers
 from ..figures.canvas import Figure
 from ..figures.style import COLOURS, DASHED, figure
@@ -522,7 +522,7 @@ def laws_of(
     first = _fly(case).or_raise(source.target)
     r, v, b, q = (first.results.values(s) for s in ORBIT)
     inertial = attitude_of(system, q, r, v).kind in ("inertial", "sun")
-    terms = terms_of(period_of(r[0], v[0]), b, inertial)
+    terms = terms_of(period_of(r[0], v[0], mu_of(system)), b, inertial)
     return first, *fitting(case, terms, laws, others)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..analyses import flight as flights
-from ..analyses.motion import period_of
+from ..analyses.motion import mu_of, period_of
 from ..numbers.derived import coil_impulse, cross, rotate_back
 from ..numbers.spline import Spline
 from ..system.errors import DesatError
@@ -213,7 +213,7 @@ def _environment(
         inputs = flights.inputs_at(block, nodes.tolist())
     except DesatError as error:
         raise DesatError(f"{place}: {error}") from error
-    period = period_of(inputs["r_eci"][0], inputs["v_eci"][0])
+    period = period_of(inputs["r_eci"][0], inputs["v_eci"][0], mu_of(system))
     if times[-1] - times[0] < period:
         raise DesatError(
             f"{place}: it lasts {times[-1] - times[0]:.0f} s, an orbit {period:.0f} s: at "
