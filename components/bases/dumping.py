@@ -69,6 +69,7 @@ class MomentumDumping(WheelManager):
     )
 
     def start(self) -> None:
+        """Set allocation, bias and commands to their start values."""
         super().start()
         self._to_wheels = pseudo_inverse(self.axes_wheel)
         self._first_sample_time: float | None = None

@@ -121,7 +121,7 @@ class GuidancePlan(PointingLaw):
             since = t - self._last
             longest = SHARE * self.rate_limit / self.acceleration_limit
             parts = max(1, ceil(since / longest - 1e-9))
-            q, rate = self._wanted(t)
+            q, rate = self._goal(t)
             for k in range(parts):
                 if k > 0:
                     self._steer(q, rate, since / float(parts))
@@ -130,7 +130,7 @@ class GuidancePlan(PointingLaw):
             self._last = t
             self._steer(q, rate, since / float(parts))
         elif self._last == -inf:
-            self._q, self._rate = self._wanted(t)
+            self._q, self._rate = self._goal(t)
             self._last = t
         return self._q, self._rate
 
@@ -152,7 +152,7 @@ class GuidancePlan(PointingLaw):
         self._rate = add(self._rate, change)
         self._wanted_before = rate
 
-    def _wanted(self, t: float) -> tuple[Vec4, Vec3]:
+    def _goal(self, t: float) -> tuple[Vec4, Vec3]:
         """Compute the attitude and rate (rad/s) that the plan wants at t (s)."""
         i = 0
         while i + 1 < self._rows and t >= self.plan[COLUMNS * (i + 1)]:

@@ -341,7 +341,7 @@ def _assumptions(facts: CraftFacts, values: Mapping[str, Any]) -> Iterator[Assum
             yield Assumption(key.replace("_", " "), number, unit, origin)
     yield Assumption(
         "pointing",
-        values["wanted"].words,
+        values["guidance"].words,
         "",
         "given" if facts.pointing else "class",
     )
@@ -449,11 +449,11 @@ def _template_values(
     epoch = epoch_of(facts)
     since_j2000 = (epoch - J2000).total_seconds()
     orbit = orbit_of(facts, since_j2000)
-    wanted = pointing_of(facts.pointing, facts.sun is not None, since_j2000, inertia)
-    pointing = wanted.kind
+    guidance = pointing_of(facts.pointing, facts.sun is not None, since_j2000, inertia)
+    pointing = guidance.kind
     if pointing in ("nadir", "yaw", "plan") and not orbit.has_centre:
         raise DesatError(
-            f"--pointing {wanted.words}: there is no Earth about the Sun; sun and "
+            f"--pointing {guidance.words}: there is no Earth about the Sun; sun and "
             "inertial are left"
         )
     outer = given_torque(facts)
@@ -465,7 +465,7 @@ def _template_values(
         torque=outer,
     )
     dipole = _dipole(facts, mass, dipole_sign) if sources.dipole else NO_DIPOLE
-    start = _start(wanted, orbit)
+    start = _start(guidance, orbit)
     cycle = partial(_cycle, pointing, orbit, inertia, start)
     wheels = _wheels(facts, inertia, _mass_class(mass), cycle, dipole)
     rods = _rods(facts, mass, sides, orbit)
@@ -475,7 +475,7 @@ def _template_values(
             f"--propellant {facts.propellant}: more than 90 % of {mass:g} kg"
         )
     turns = pointing in ("nadir", "yaw", "plan")
-    wanted = limit_slews(wanted, inertia, wheels.torque_si, wheels.capacity_si)
+    guidance = limit_slews(guidance, inertia, wheels.torque_si, wheels.capacity_si)
     step = _step(orbit, inertia, wheels.torque_si, surfaces, turns)
     given_sample = None if facts.sample is None else _given_sample(facts.sample)
     step = step if given_sample is None else given_sample
@@ -502,14 +502,14 @@ def _template_values(
         "title": name,
         "command": command,
         "pointing": pointing,
-        "wanted": wanted,
+        "guidance": guidance,
         "orbit": orbit,
         "start": start,
         "outer": outer,
         "has": sources,
         "worse": ", ".join(_worse(orbit, sources)),
         "epoch": epoch.strftime("%Y-%m-%dT%H:%M:%SZ"),
-        "description": f"{mass:.4g} kg, {wanted.words} pointing under "
+        "description": f"{mass:.4g} kg, {guidance.words} pointing under "
         + _torques(orbit, sources)
         + "; "
         + (
@@ -1342,11 +1342,11 @@ def _thrusters(
     name, figures, force = _of_class(THRUSTERS, "thrusters", "force", size)
     torque = 2.0 * force * arm if nozzles is None else nozzles.weakest
     isp = None if nozzles is None else nozzles.isp
-    impulse, why = figures["impulse"], f"class: {name}"
+    impulse, origin = figures["impulse"], f"class: {name}"
     if facts.isp is not None:
-        impulse, why = f"{ISP(facts.isp):g} s", "given"
+        impulse, origin = f"{ISP(facts.isp):g} s", "given"
     elif isp is not None:
-        impulse, why = f"{isp:g} s", "given"
+        impulse, origin = f"{isp:g} s", "given"
     return {
         "torque": _list([torque] * 3),
         "force": f"{force:g} N",
@@ -1354,7 +1354,7 @@ def _thrusters(
         "arm_why": "class: half the middle side" if facts.arm is None else "given",
         "torque_si": _text(torque),
         "impulse": impulse,
-        "impulse_why": why,
+        "impulse_why": origin,
         "tank": ""
         if facts.propellant is None
         else f"{PROPELLANT(facts.propellant):g} kg",

@@ -60,9 +60,9 @@ class Nozzles:
     def table(self, name: str) -> list[list[float]]:
         """Return a table of the block: positions or directions, zero for no nozzle."""
         rows = getattr(self, name)
-        padded = np.zeros((max(len(rows), USUAL), 3))
-        padded[: len(rows)] = rows
-        return [[float(f"{x:.9g}") for x in row] for row in padded.tolist()]
+        table = np.zeros((max(len(rows), USUAL), 3))
+        table[: len(rows)] = rows
+        return [[float(f"{x:.9g}") for x in row] for row in table.tolist()]
 
     @property
     def thrusts(self) -> list[float]:
@@ -84,8 +84,8 @@ def layout_of(count: int, thrust: float, half: Sequence[float], arm: float) -> N
         If there is no such layout.
     """
     a, b, c = (arm or half[0], arm or half[1], half[2])
-    up, left = (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)
-    down, right = (0.0, 0.0, -1.0), (0.0, -1.0, 0.0)
+    up, port = (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)
+    down, starboard = (0.0, 0.0, -1.0), (0.0, -1.0, 0.0)
     ahead, back = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)
     rows = {
         6: [
@@ -93,8 +93,8 @@ def layout_of(count: int, thrust: float, half: Sequence[float], arm: float) -> N
             ((0.0, -b, -c), up),
             ((-a, 0.0, -c), up),
             ((a, 0.0, -c), up),
-            ((a, -b, 0.0), left),
-            ((a, b, 0.0), right),
+            ((a, -b, 0.0), port),
+            ((a, b, 0.0), starboard),
         ],
         8: [
             *(((x, y, -c), up) for x in (a, -a) for y in (b, -b)),
@@ -112,10 +112,10 @@ def layout_of(count: int, thrust: float, half: Sequence[float], arm: float) -> N
             ((a, 0.0, c), down),
             ((a, 0.0, -c), up),
             ((-a, 0.0, c), down),
-            ((a, -b, 0.0), left),
-            ((-a, b, 0.0), right),
-            ((a, b, 0.0), right),
-            ((-a, -b, 0.0), left),
+            ((a, -b, 0.0), port),
+            ((-a, b, 0.0), starboard),
+            ((a, b, 0.0), starboard),
+            ((-a, -b, 0.0), port),
         ],
     }
     if count not in rows:

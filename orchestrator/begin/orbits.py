@@ -46,7 +46,7 @@ ORBITS = {
 }
 INCLINATION = Quantity("--inclination", "deg", 0.0, 180.0, bare=False)
 HIGHEST_AIR = 2e6  # m: height of a circular orbit up to which air is modelled
-# `moon 100km`, `mars 250x400km`, and the heights (km) that are taken
+# An orbit about the Moon or Mars, and the heights (km) that are taken
 _PLANET = re.compile(r"\s*(moon|mars)\s+([\d.]+)(?:\s*x\s*([\d.]+))?\s*km\s*", re.I)
 PLANET_HEIGHTS = 10.0, 100_000.0
 # Distance from the Sun (AU) of places where the craft moves with the Earth.

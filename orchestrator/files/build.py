@@ -109,8 +109,12 @@ def _add_scenario(
         draft.origins[output] = at("output_classes", output)
     for name, source in content.sources.items():
         is_ours = "/" not in source and not source.endswith(".fmu")
-        file, fmu = draft.of_ours(source) if is_ours else (source, None)
-        fmu = library.find(file, scenario.folder) or fmu
+        file = f"resources/{source}.fmu" if is_ours else source
+        fmu = library.find(file, scenario.folder)
+        if is_ours and draft.sizes:
+            file, fmu = draft.of_ours(source)
+        elif is_ours and fmu is None:
+            fmu = library.of_ours(file)
         label = file.rpartition("/")[2]
         origin = at("sources", name)
         replace_fmu(draft, name, file, fmu, origin, label, options.blocks)

@@ -36,6 +36,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from desat.components.contract.block import NOZZLES, WHEELS
 from desat.fmus import registry
 
 from ..system.body import Body
@@ -69,7 +70,12 @@ KEYS = (
     "dispersions",  # read with the scenarios (`scenario.py`)
 )
 BODY = ("mass", "sides")
-WHEELS, NOZZLES = range(3, 9), range(1, 17)  # how many of them a craft may have
+# What says how many wheels or nozzles there are: table, key, axis of the array, usual
+# number, and those that are taken.
+SIZES = (
+    ("shared", "axes_wheel", 1, WHEELS, range(3, 9)),
+    ("parameters", "thrusters", 0, NOZZLES, range(1, 17)),
+)
 
 
 def files(folder: Path) -> list[Path]:
@@ -135,7 +141,18 @@ def read(path: Path, options: Options) -> Draft:
     _read_top(file, draft)
     file.table("dispersions")  # says so where it is none
     _read_body(file, draft)
-    _read_sizes(file, draft)
+    # as many wheels and nozzles as their tables have, where that is not the usual number
+    for table, key, axis, size, most in SIZES:
+        rows = file.data.get(table, {}).get(key)
+        if table == "parameters" and isinstance(rows, dict):
+            rows = rows.get("position_nozzle")
+        if isinstance(rows, list) and rows and isinstance(rows[0], list):
+            count = (len(rows), len(rows[0]))[axis]
+            if count not in most:
+                allowed = f"{most[0]} to {most[-1]} are taken"
+                file.problem(f"{table}.{key}", f": {count} {size.kind}; {allowed}")
+            elif count != size:
+                draft.sizes[size.kind] = count
     for name, source in file.table("components").items():
         _read_component(file, draft, name, source, options)
     file.stop_here()
@@ -200,26 +217,6 @@ def _read_body(file: CraftFile, draft: Draft) -> None:
         file.problems.append(str(error))
 
 
-def _read_sizes(file: CraftFile, draft: Draft) -> None:
-    """Count the wheels and the nozzles, where they are not as many as usual."""
-    axes = file.table("shared").get("axes_wheel")
-    if isinstance(axes, list) and axes and isinstance(axes[0], list):
-        draft.sizes["wheels"] = _count(file, "shared.axes_wheel", len(axes[0]), WHEELS)
-    thrusters = file.table("parameters").get("thrusters", {})
-    rows = thrusters.get("position_nozzle") if isinstance(thrusters, dict) else None
-    if isinstance(rows, list) and rows and isinstance(rows[0], list):
-        key = "parameters.thrusters.position_nozzle"
-        draft.sizes["nozzles"] = _count(file, key, len(rows), NOZZLES)
-
-
-def _count(file: CraftFile, key: str, count: int, allowed: range) -> int:
-    """Return a number of columns or rows, or the usual one where it is not allowed."""
-    if count in allowed:
-        return count
-    file.problem(key, f": {count} of them; {allowed[0]} to {allowed[-1]} are taken")
-    return allowed[0]
-
-
 def _quantity(file: CraftFile, key: str, unit: str, value: Any) -> float:
     """Convert a figure of the body to `unit`.
 
@@ -248,9 +245,10 @@ def _read_component(
             raise DesatError(f"no such file in {file.path.parent}")
         if not is_file and source not in registry.names():
             raise DesatError(f"no such block{nearest(source, registry.names())}")
-        in_archive, fmu = (
-            (source, library.load(path)) if is_file else draft.of_ours(source)
-        )
+        in_archive = source if is_file else f"resources/{source}.fmu"
+        fmu = library.load(path) if is_file else library.of_ours(in_archive)
+        if draft.sizes and not is_file:
+            in_archive, fmu = draft.of_ours(source)
         component = component_of(
             name, in_archive, fmu, options.blocks, line=file.line(key)
         )

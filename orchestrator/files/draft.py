@@ -73,7 +73,8 @@ class Draft:
 
     def of_ours(self, name: str) -> tuple[str, Fmu | None]:
         """Return file in an archive and FMU of one of our blocks, with this craft's sizes."""
-        sizes = registry.sizes_of(name, self.sizes) if name in registry.names() else ()
+        is_usual = not self.sizes or name not in registry.names()
+        sizes = () if is_usual else registry.sizes_of(name, self.sizes)
         source = f"resources/{registry.sized_name(name, sizes)}.fmu"
         return source, library.of_block(name, sizes)
 

@@ -356,8 +356,8 @@ def of_block(name: str, sizes: registry.Sizes) -> Fmu | None:
     if not file.exists() or file.read_text(encoding="utf-8") != text_of_block:
         file.parent.mkdir(parents=True, exist_ok=True)
         io.replace_text(file, text_of_block)
-    built = own.build(file)
-    return load(built.native or built.python)
+    fmus = own.build(file)
+    return load(fmus.native or fmus.python)
 
 
 _SIZED = re.compile(r"(\w+?)((?:_of_\d+_[a-z]+)+)\Z")

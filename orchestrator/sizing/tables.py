@@ -317,10 +317,10 @@ def _net_force(sizing: DumpSizing) -> Iterator[Row]:
     net = sizing.steady.net_impulse
     if net <= 0.0:
         return
-    flown = sizing.loop.get("dump_net_impulse")
-    yield "net impulse of a dump", net, flown, "N.s"
+    in_loop = sizing.loop.get("dump_net_impulse")
+    yield "net impulse of a dump", net, in_loop, "N.s"
     if sizing.mass > 0.0:
-        velocity = None if flown is None else flown / sizing.mass
+        velocity = None if in_loop is None else in_loop / sizing.mass
         yield "net velocity of a dump", net / sizing.mass, velocity, "m/s"
 
 

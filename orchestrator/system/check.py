@@ -404,8 +404,8 @@ def _foresees(c: Component) -> bool:
     """
     if c.block is None or c.block.foresee is Block.foresee:
         return False
-    own = interface_of_block(c.model, c.interface.sizes)
-    return c.interface.signals.keys() == own.signals.keys()
+    bare = interface_of_block(c.model, c.interface.sizes)
+    return c.interface.signals.keys() == bare.signals.keys()
 
 
 @lru_cache(maxsize=256)
