@@ -23,7 +23,7 @@ INERTIAL, NADIR, SUN, TARGET = range(4)
 FLATTENING = 1.0 / 298.257223563
 # Parts of a step: each takes at most this share of the time in which the limits of rate
 # and acceleration bring the craft from rest to its largest rate.
-SHARE = 0.05
+SHARE = 0.25
 FOLLOWS = 10.0  # parts in which an error decays that no limit holds
 
 
@@ -44,7 +44,8 @@ class GuidancePlan(PointingLaw):
 
         e min(sqrt(acceleration_limit b), b / (10 steps), rate_limit)
 
-    The rate is held over each step, so that it is that of the differenced attitude. The
+    The rate is held over each step, or over parts of a long one, so that it is that of
+    the differenced attitude. The
     target lies on the ellipsoid of WGS 84 and turns with the Earth from
     `earth_angle_start` on. The wanted rate of a target is exact for two bodies.
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from ..bases.pulses import ENTRIES, Jet, PulsedThrusters
-from ..contract.block import NOZZLES, Output, Parameter, Table
+from ..contract.block import NOZZLES, Output, Parameter, Table, Vec3
 from ..maths.allocation import gives, least_on_times
 from ..maths.vector import ZERO, add, cross, norm, scale
 
@@ -24,6 +24,8 @@ class ThrustersNozzles(PulsedThrusters):
     r_i x F_i. At each sample the on-times x_i follow from the linear programme
 
         minimise sum x_i,   sum x_i (r_i x F_i) = sample_time tau_cmd,   0 <= x_i <= sample_time
+
+    where nozzles that are partners have one on-time: a couple without a force,
 
     and where the nozzles cannot give that impulse, the error's 1-norm is minimised
     first. Each on-time is rounded to the nearest multiple of `least_pulse` and left out
@@ -92,6 +94,12 @@ class ThrustersNozzles(PulsedThrusters):
         usual=(0.0, 1e3),
     )
 
+    partner_nozzle: Table = Parameter(
+        "1",
+        "number of the nozzle that fires with each, as a couple, the same of both; 0: none",
+        shape=(NOZZLES,),
+        min=0.0,
+    )
     schedule_nozzle: Table = Parameter(
         "1",
         "scheduled firings: a row each, the share of the time that each nozzle is open",
@@ -107,6 +115,8 @@ class ThrustersNozzles(PulsedThrusters):
 
     def start(self) -> None:
         self._jets = tuple(self._jet(i) for i in range(len(self.thrust)))
+        for i in range(len(self.thrust)):
+            self._check_partner(i)
         self._open = (0.0,) * len(self.thrust)
         super().start()
 
@@ -139,8 +149,46 @@ class ThrustersNozzles(PulsedThrusters):
 
     def commanded_on_times(self, period: float) -> Iterable[tuple[float, Jet]]:
         impulse = scale(period, self.tau_cmd_thruster_body)
-        on_times = least_on_times(tuple(jet[0] for jet in self._jets), impulse, period)
-        return zip(on_times, self._jets, strict=True)
+        torques = tuple(jet[0] for jet in self._jets)
+        return zip(self.on_times(torques, impulse, period), self._jets, strict=True)
+
+    def on_times(
+        self, torques: tuple[Vec3, ...], impulse: Vec3, longest: float
+    ) -> tuple[float, ...]:
+        """Compute the on-time (s) of each nozzle for an angular impulse (N m s).
+
+        A couple counts as one nozzle: its first gives the torque of both.
+        """
+        partners = self.partner_nozzle
+        columns = tuple(
+            torque
+            if partners[i] == 0.0
+            else add(torque, torques[int(partners[i]) - 1])
+            if int(partners[i]) - 1 > i
+            else ZERO
+            for i, torque in enumerate(torques)
+        )
+        times = least_on_times(columns, impulse, longest)
+        return tuple(
+            x
+            if int(partners[i]) - 1 > i or partners[i] == 0.0
+            else times[int(partners[i]) - 1]
+            for i, x in enumerate(times)
+        )
+
+    def _check_partner(self, i: int) -> None:
+        """Refuse a partner that is not the partner of its own, or no nozzle."""
+        partner = self.partner_nozzle[i]
+        if partner == 0.0:
+            return
+        k = int(partner) - 1
+        if partner != k + 1 or k >= len(self.thrust) or k == i:
+            self.fail(f"partner_nozzle: row {i + 1} = {partner:g} is no other nozzle")
+        if self.partner_nozzle[k] != i + 1:
+            self.fail(
+                f"partner_nozzle: row {i + 1} = {k + 1}, and row {k + 1} = "
+                f"{self.partner_nozzle[k]:g}: each is the partner of the other"
+            )
 
     def scheduled_jet(self, i: int) -> Jet:
         torque, force, thrust = super().scheduled_jet(i)

@@ -4,7 +4,6 @@ from collections.abc import Iterable, Iterator
 
 from ..bases.pulses import STANDARD_GRAVITY, Jet
 from ..contract.block import Output, Parameter
-from ..maths.allocation import least_on_times
 from ..maths.moments import first_order, part
 from ..maths.noise import normal_pair, stream
 from ..maths.vector import ZERO, scale, sub
@@ -136,8 +135,7 @@ class ThrustersValves(ThrustersNozzles):
             if self.stuck == OPEN:
                 impulse = sub(impulse, scale(period * self._pressure(), torques[stuck]))
             torques = tuple(ZERO if i == stuck else x for i, x in enumerate(torques))
-        on_times = least_on_times(torques, impulse, period)
-        return zip(on_times, self._jets, strict=True)
+        return zip(self.on_times(torques, impulse, period), self._jets, strict=True)
 
     def fire(
         self,

@@ -41,12 +41,19 @@ class Nozzles:
     thrust: Array  # (n,) N
     words: str
     isp: float | None = None  # s, where a file says it
+    is_paired: bool = False  # whether each two after another are a couple
 
     @property
     def torques(self) -> tuple[tuple[float, ...], ...]:
         """Return the torque of each nozzle (N m)."""
         forces = self.directions * self.thrust[:, None]
         return tuple(map(tuple, np.cross(self.positions, forces).tolist()))
+
+    @property
+    def partners(self) -> list[float]:
+        """Return the partner of each row of the tables, from 1 on; 0: none."""
+        count = len(self.thrust)
+        return [float(i + 2 - 2 * (i % 2)) for i in range(count)]
 
     @property
     def weakest(self) -> float:
@@ -125,8 +132,9 @@ def layout_of(count: int, thrust: float, half: Sequence[float], arm: float) -> N
         )
     places, directions = zip(*rows[count], strict=True)
     words = {6: "one each way about each axis", 8: "at -z", 12: "couples"}[count]
+    force = np.full(count, thrust)
     return Nozzles(
-        np.array(places), np.array(directions), np.full(count, thrust), words
+        np.array(places), np.array(directions), force, words, None, count == 12
     )
 
 

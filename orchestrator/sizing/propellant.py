@@ -163,4 +163,11 @@ def thruster_cost(
     thrust = np.array(thrusters["thrust"], float)
     forces = np.reshape(thrusters["direction_nozzle"], (-1, 3)) * thrust[:, None]
     torques = np.cross(np.reshape(thrusters["position_nozzle"], (-1, 3)), forces)
-    return ThrusterCost(torques, forces, thrust, False, isp, **losses)
+    partners = np.array(thrusters["partner_nozzle"], int) - 1
+    firsts = np.flatnonzero((partners < 0) | (partners > np.arange(len(partners))))
+    for table in (torques, forces, thrust):  # a couple counts as one nozzle
+        paired = firsts[partners[firsts] >= 0]
+        table[paired] += table[partners[paired]]
+    return ThrusterCost(
+        torques[firsts], forces[firsts], thrust[firsts], False, isp, **losses
+    )

@@ -9,6 +9,7 @@ import pytest
 from desat.analyses import energy
 from desat.analyses.motion import Steps
 from desat.components.blocks import spacecraft_rigid
+from desat.components.blocks import spacecraft_rigid
 from desat.components.physics import rigid_body
 from desat.runs.run import Options, execute
 
@@ -98,7 +99,10 @@ def test_balances_go_on_from_block_to_block(monkeypatch):
 
 def test_a_wrong_torque_shows(monkeypatch):
     """The momentum residual takes the body's word for its impulse; this does not."""
-    monkeypatch.setattr(rigid_body, "MU", 1.0001 * rigid_body.MU)
+    slopes = rigid_body.slopes
+    monkeypatch.setattr(
+        spacecraft_rigid, "slopes", lambda *x: slopes(*x[:-1], 1.0001 * x[-1])
+    )
     values, _ = numbers("plant/reference", stop=600.0)
     assert values["momentum_residual"] < 1e-14
     assert values["impulse_mismatch"] > 1e-8

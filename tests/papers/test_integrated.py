@@ -107,10 +107,9 @@ def test_three_wheels_or_wheels_in_one_plane_have_no_null_vector():
     three = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
     plane = (1.0, -1.0, 0.0, S, 0.0, 0.0, 1.0, S, 0.0, 0.0, 0.0, 0.0)
     for axes in (three, plane):
-        assert integrated.null_vector(axes) == integrated.NO_NULL_SPACE
-    assert integrated.null_torque(
-        (1.0, 1.0, 1.0, 1.0), integrated.NO_NULL_SPACE, 1.0, 1.0
-    ) == (integrated.NO_NULL_SPACE)
+        assert integrated.null_vector(axes) == (0.0,) * 4
+    none = (0.0,) * 4
+    assert integrated.null_torque((1.0,) * 4, none, 1.0, 1.0) == none
 
 
 def test_null_vector_of_uneven_axes():

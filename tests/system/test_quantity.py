@@ -62,7 +62,7 @@ REFUSED = {
     "new craft x --box 1,1,1e309": "--box 1,1,1e309: a finite number",
     "new craft x --inertia 1,1e309,1e309": "--inertia 1,1e309,1e309: a finite number",
     "new craft x --wheels '3 axes 1e309Nms'": "--wheels 1e309Nms: a finite number",
-    "new craft x --thrusters '7 1N'": "--thrusters 7 1N: the form is 4 SIZE",
+    "new craft x --thrusters '7 1N'": "--thrusters 7: 4 are pairs both ways about each axis",
     "new craft x --epoch 1000-01-01": "--epoch 1000-01-01: a year from 1957 to 2056 is needed",
     "new craft x --tle iss.tle --inclination 10deg": "--inclination 10deg: --tle iss.tle says the",
     "new craft x --tle iss.tle --ltan 10:30": "--ltan 10:30: --tle iss.tle says the orbit",

@@ -1,0 +1,258 @@
+"""Wheels by number, nozzles by layout, attitudes and orbits of a new craft, flown."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from desat.begin import nozzles, wheel_layout
+from desat.begin.craft import write
+from desat.begin.facts import CraftFacts
+from desat.components.blocks.thrusters_nozzles import ThrustersNozzles
+from desat.components.maths.allocation import least_on_times
+from desat.files import own
+from desat.fmus import registry
+from desat.runs.prepare import prepare, read, resolved
+from desat.runs.run import simulate
+from desat.sizing.dumps import size as size_dumps
+from desat.sizing.requirements import SizingRequirements
+from desat.system.errors import DesatError
+from desat.system.options import Options
+
+
+class ThrustersNozzles12(ThrustersNozzles, nozzles=12):
+    """Twelve nozzles"""
+
+
+LOW = CraftFacts(size="12U", altitude="500km", inclination="51.6deg", rods="0.5")
+FAR = CraftFacts(
+    mass="600kg",
+    box="1.2,1.2,1.8",
+    wings=("2 x 3m2 2.2m",),
+    wheels="4 pyramid 4Nms",
+    rods="none",
+    thrusters="4 1N",
+    dump="thrusters 70:10",
+)
+AXES = "x,y,z\n1,0,0\n0,1,0\n0,0,2\n1,1,1\n-1,1,1\n"
+LAYOUT = (
+    "name,x [mm],y [mm],z [mm],u,v,w,thrust [N],isp\n"
+    + "a,0,600,-900,0,0,1,1,220\nb,0,-600,-900,0,0,1,1,220\n"
+    + "c,600,0,-900,0,0,1,1,220\nd,-600,0,-900,0,0,1,1,220\n"
+    + "e,600,-600,0,0,1,0,1,220\nf,600,600,0,0,-1,0,1,220\n"
+)
+
+
+def fly(folder, facts, stop=6000.0, **values):
+    write(folder, facts, "")
+    options = Options(stop=stop, values=values)
+    return simulate(prepare(read(str(folder)), options)).or_raise(str(folder))
+
+
+@pytest.mark.parametrize(
+    "wheels", ["3 pyramid 30mNms", "FILE 30mNms", "6 pyramid 30mNms", "8 axes 30mNms"]
+)
+def test_any_number_of_wheels_keeps_the_momentum_to_the_last_bits(tmp_path, wheels):
+    (tmp_path / "wheels.csv").write_text(AXES)
+    wheels = wheels.replace("FILE", str(tmp_path / "wheels.csv"))
+    run = fly(tmp_path / "mine", replace(LOW, wheels=wheels))
+    numbers = {
+        x.name if hasattr(x, "name") else k: x for k, x in run.manifest.numbers.items()
+    }
+    assert numbers["momentum_residual"].value < 1e-14
+    assert run.manifest.numbers["pointing"].value < 0.1
+    count = wheel_layout.layout_of(wheels).count
+    assert run.results.values("wheels.h_wheel").shape[1] == max(count, 4)
+
+
+def test_the_native_block_of_six_wheels_is_the_one_in_python(tmp_path):
+    """Of the same craft as FMUs and as bare blocks, a wheel failing meanwhile."""
+    write(tmp_path / "mine", replace(LOW, wheels="6 pyramid 30mNms"), "")
+    values = {"wheels.failed": "2+5", "wheels.failed_from": 700.3}
+    series = []
+    for blocks in (False, True):
+        options = Options(stop=1500.0, values=values, blocks=blocks)
+        run = simulate(prepare(read(str(tmp_path / "mine")), options)).or_raise("mine")
+        series.append(run.results.values("wheels.h_wheel"))
+        failed = run.results.values("wheels.failed_wheel")
+        assert failed[-1].tolist() == [False, True, False, False, True, False]
+    assert np.array_equal(*series)
+    assert not np.array_equal(series[0][0], series[0][-1])
+
+
+def test_another_number_of_wheels_is_built_once_and_is_ours(tmp_path):
+    write(tmp_path / "mine", replace(LOW, wheels="5 pyramid 30mNms"), "")
+    system, _ = resolved(str(tmp_path / "mine"), Options())
+    wheels = system.components["wheels"]
+    assert wheels.model == "wheels"
+    assert wheels.interface.sizes == (("wheels", 5),)
+    assert wheels.fmu.ours
+    assert own.folder_of(wheels.fmu.path) is not None
+    assert system.components["gyro"].interface.sizes == ()
+    assert len(wheels.interface.signals["failed"].choices) == 2**5
+    assert registry.block_class("wheels").variables[0].shape == ()
+
+
+def test_a_bias_keeps_wheels_from_standstill_and_is_counted(tmp_path):
+    changes, margins = [], []
+    for bias in (None, "9mNms", "1500rpm"):
+        folder = tmp_path / str(bias)
+        facts = replace(LOW, wheels="6 pyramid 30mNms", bias=bias)
+        run = fly(folder, facts, stop=12000.0)
+        speed = run.results.values("wheels.speed_wheel")
+        changes.append(int((np.diff(np.sign(speed), axis=0) != 0).sum()))
+        margins.append(run.manifest.numbers["largest_momentum"].value)
+    assert changes[0] > 0
+    assert changes[1] == changes[2] == 0
+    assert margins[1] > margins[0] + 20.0
+
+
+@pytest.mark.parametrize("count", [6, 8, 12])
+def test_on_times_are_those_of_another_linear_programme(count):
+    layout = nozzles.layout_of(count, 10.0, (0.6, 0.7, 0.9), 0.0)
+    torques = np.array(layout.torques)
+    random = np.random.default_rng(count)
+    for _ in range(200):
+        impulse = random.normal(size=3)
+        ours = np.array(least_on_times(layout.torques, tuple(impulse), 10.0))
+        assert ours @ torques == pytest.approx(impulse, abs=1e-9)
+        other = linprog(
+            np.ones(count), A_eq=torques.T, b_eq=impulse, bounds=(0.0, 10.0)
+        )
+        assert ours.sum() == pytest.approx(other.fun, rel=1e-9)
+
+
+def test_couples_leave_no_force():
+    layout = nozzles.layout_of(12, 10.0, (0.6, 0.7, 0.9), 0.0)
+    block = ThrustersNozzles12()
+    forces = layout.directions * layout.thrust[:, None]
+    block.position_nozzle = tuple(layout.positions.ravel())
+    block.direction_nozzle = tuple(layout.directions.ravel())
+    block.thrust, block.partner_nozzle = tuple(layout.thrust), tuple(layout.partners)
+    block.check()
+    block.start()
+    for impulse in np.random.default_rng(1).normal(size=(50, 3)):
+        times = np.array(block.on_times(layout.torques, tuple(impulse), 10.0))
+        assert times @ np.array(layout.torques) == pytest.approx(impulse, abs=1e-9)
+        assert times @ forces == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
+    block.partner_nozzle = (2.0, 3.0, 2.0, *[0.0] * 9)
+    with pytest.raises(ValueError, match="each is the partner of the other"):
+        block.start()
+
+
+@pytest.mark.parametrize("thrusters", ["8 1N", "12 1N", "FILE"])
+def test_dumps_by_nozzles_are_sized_as_they_fly(tmp_path, thrusters):
+    (tmp_path / "layout.csv").write_text(LAYOUT)
+    thrusters = thrusters.replace("FILE", str(tmp_path / "layout.csv"))
+    facts = replace(FAR, orbit="geo", thrusters=thrusters, secular="60uNm,90uNm,30uNm")
+    write(tmp_path / "mine", facts, "")
+    sizing = size_dumps(
+        str(tmp_path / "mine"), Options(), SizingRequirements(year=False)
+    )
+    steady, loop = sizing.steady, sizing.loop
+    assert steady.a_week == pytest.approx(loop["dumps_a_week"], rel=0.05)
+    assert steady.propellant == pytest.approx(loop["dump_propellant"], rel=0.05)
+    if thrusters != "12 1N":
+        net = pytest.approx(loop["dump_net_impulse"], rel=0.05)
+        assert steady.net_impulse == net
+        assert steady.net_impulse > 0.1 * steady.impulse
+    else:
+        assert steady.net_impulse < 1e-6 * steady.impulse
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (LAYOUT.replace("0,600,-900,0,0,1", "0,300,-900,0,0,-1"), "row 1 fires into"),
+        (LAYOUT.replace("f,600,600,0,0,-1", "f,600,600,0,0,1"), "no torque about -z"),
+        (LAYOUT.replace(",220\nb", ",230\nb"), "one specific impulse"),
+        (LAYOUT.replace("0,0,1,1,220\nb", "0,0,0,1,220\nb"), "row 1 has no direction"),
+        (LAYOUT.replace("u,v,w", "u,v,q"), "no such column"),
+    ],
+)
+def test_a_layout_that_cannot_be_is_refused(tmp_path, text, message):
+    (tmp_path / "layout.csv").write_text(text)
+    with pytest.raises(DesatError, match=message):
+        nozzles.read_layout(str(tmp_path / "layout.csv"), (1.2, 1.2, 1.8))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x,y,z\n1,0,0\n0,1,0\n1,1,0\n", "lie in a plane or on a line"),
+        ("x,y,z\n1,0,0\n0,1,0\n0,0,0\n", "row 3 is no axis"),
+        ("x,y,z\n1,0,0\n0,1,0\n", "2 wheels; 3 to 8 are taken"),
+        ("x,y\n1,0\n", "no column z"),
+    ],
+)
+def test_wheels_that_cannot_be_are_refused(tmp_path, text, message):
+    (tmp_path / "w.csv").write_text(text)
+    with pytest.raises(DesatError, match=message):
+        wheel_layout.layout_of(f"{tmp_path / 'w.csv'} 30mNms")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("t,mode\n0,nadir\n0,sun\n", "is not after that of the row before"),
+        ("t,mode\n5,nadir\n", "a row at 0 s, or before, is needed"),
+        ("t,mode\n0,sideways\n", "a time, and a mode"),
+        ("0,inertial\n", "inertial needs a quaternion"),
+        ("0,0,0,1\n", "a time, and a mode"),
+        ("t,mode\n" + "".join(f"{k},nadir\n" for k in range(40)), "32 are taken"),
+    ],
+)
+def test_a_plan_that_is_none_is_refused(tmp_path, text, message):
+    (tmp_path / "plan.csv").write_text(text)
+    pointing = str(tmp_path / "plan.csv")
+    with pytest.raises(DesatError, match=message):
+        write(tmp_path / "mine", replace(LOW, pointing=pointing), "")
+
+
+@pytest.mark.parametrize(
+    "pointing",
+    ["nadir 16deg", "sun 90deg", "spin 0.5rpm", "target 48.1N 11.6E", "plan.csv"],
+)
+def test_a_craft_follows_where_it_points(tmp_path, pointing):
+    if pointing == "plan.csv":
+        (tmp_path / "plan.csv").write_text("t [min],mode\n0,nadir\n40,sun\n80,nadir\n")
+        pointing = str(tmp_path / "plan.csv")
+    run = fly(tmp_path / "mine", replace(LOW, pointing=pointing), stop=8000.0)
+    assert run.manifest.numbers["pointing"].value < 0.2
+    q = run.results.values("guidance.q_ref_bi")
+    assert np.abs(np.linalg.norm(q, axis=1) - 1.0).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    "place", [{"orbit": "mars 250x400km", "pointing": "nadir 16deg"}, {"sun": "L2"}]
+)
+def test_elsewhere_is_sized_as_it_flies(tmp_path, place):
+    write(tmp_path / "mine", replace(FAR, **place), "")
+    sizing = size_dumps(
+        str(tmp_path / "mine"), Options(), SizingRequirements(year=False)
+    )
+    within = sizing.within or sizing.steady
+    assert within.a_week == pytest.approx(sizing.loop["dumps_a_week"], rel=0.05)
+    assert within.propellant == pytest.approx(sizing.loop["dump_propellant"], rel=0.05)
+
+
+def test_a_tilt_at_mars_has_the_gravity_torque_of_the_books(tmp_path):
+    """3 n^2 (I_z - I_x) sin cos of the tilt, about y."""
+    facts = replace(
+        FAR, orbit="mars 400km", inertia="200,300,120", pointing="nadir 16deg"
+    )
+    write(tmp_path / "mine", facts, "")
+    sizing = size_dumps(
+        str(tmp_path / "mine"),
+        Options(values={"spacecraft.radiation": "none", "environment.j2": False}),
+        SizingRequirements(year=False, flown=False),
+    )
+    system, _ = resolved(str(tmp_path / "mine"), Options())
+    mu = system.components["spacecraft"].values["mu"]
+    rate2 = mu / system.components["environment"].values["semi_major_axis"] ** 3
+    tilt = np.radians(16.0)
+    torque = 3.0 * rate2 * (200.0 - 120.0) * np.sin(tilt) * np.cos(tilt)
+    assert sizing.a_day / 86400.0 == pytest.approx(torque, rel=1e-4)
