@@ -48,7 +48,7 @@ INCLINATION = Quantity("--inclination", "deg", 0.0, 180.0, bare=False)
 HIGHEST_AIR = 2e6  # m: height of a circular orbit up to which air is modelled
 # An orbit about the Moon or Mars, and the heights (km) that are taken
 _PLANET = re.compile(r"\s*(moon|mars)\s+([\d.]+)(?:\s*x\s*([\d.]+))?\s*km\s*", re.I)
-PLANET_HEIGHTS = 10.0, 100_000.0
+PLANET_ENDS = 10.0, 100_000.0
 # Distance from the Sun (AU) of places where the craft moves with the Earth.
 PLACES = {"l1": 0.99, "l2": 1.01}
 DISTANCES = 0.1, 40.0  # astronomical units from the Sun
@@ -320,7 +320,7 @@ def _about_a_planet(match: re.Match[str], facts: CraftFacts, epoch: float) -> Or
     """Return an orbit about the Moon or Mars, given by heights of its ends."""
     name = match[1].lower()
     mu, radius, *_ = environment_planet.BODIES[("moon", "mars").index(name)]
-    form = Quantity(f"--orbit {name}", "km", *PLANET_HEIGHTS)
+    form = Quantity(f"--orbit {name}", "km", *PLANET_ENDS)
     low, high = sorted(form(f"{x} km") for x in (match[2], match[3] or match[2]))
     near, far = (radius + 1e3 * height for height in (low, high))
     axis, eccentricity = (near + far) / 2.0, (far - near) / (far + near)

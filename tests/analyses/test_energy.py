@@ -9,7 +9,6 @@ import pytest
 from desat.analyses import energy
 from desat.analyses.motion import Steps
 from desat.components.blocks import spacecraft_rigid
-from desat.components.blocks import spacecraft_rigid
 from desat.components.physics import rigid_body
 from desat.runs.run import Options, execute
 

@@ -126,7 +126,7 @@ def test_a_secular_torque_is_what_size_finds(tmp_path: Path) -> None:
     [
         (
             {"sun": "1AU", "rods": "0.2"},
-            r"--rods 0.2: there is no field in deep space; thrusters",
+            r"--rods 0.2: there is no field to speak of there; thrusters",
         ),
         (
             {"sun": "1AU", "pointing": "yaw"},

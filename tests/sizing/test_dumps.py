@@ -709,7 +709,7 @@ def test_aligned_dumps_are_sized_as_they_fly_and_save_a_quarter(tmp_path):
 )
 def test_how_long_the_closed_loop_flies(first, interval, stop, reaches, flights):
     system = SimpleNamespace(start=0.0, stop=1e6, step=1.0)
-    steady = dumps.DumpRates(first, interval, 1.0, 1.0, 1.0)
+    steady = dumps.DumpRates(first, interval, 1.0, *dumps.NOTHING)
     lengths = dumps._lengths_of_flights(
         system, Options(stop=stop), 9e6, steady, object() if reaches else None
     )

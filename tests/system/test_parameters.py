@@ -199,6 +199,7 @@ def test_what_is_followed_is_there():
         "least_pulse",
         "tau_level",
         "attitude_noise",
+        "mu",
     }
     for block, v in following:
         ends = names_in(v.follows)
