@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-from ..contract.block import Output, Parameter, Vec3
+from ..contract.block import Output, Parameter, Vec3, group_of
 from ..contract.fitting import Need
 from ..contract.roles import WheelManager
 from ..laws.blending import Split
@@ -32,6 +32,9 @@ class MomentumDumping(WheelManager):
     momentum that the wheels hold against each other, h - A^+ A h, which no dumping
     reaches, decays at that rate to h_null n: a bias, which keeps wheels from standstill,
     along n of the null space (`null_vector`).
+
+    Wheels that are known to have failed (`wheels_out`) get no command, and the others
+    all of it; what turns in them still counts as momentum.
 
     A measurement that is not valid is not used. At a sample without `valid_h` nothing
     is dumped. omega x h is left out while `valid_h` or `valid_omega` is false, and a
@@ -61,6 +64,13 @@ class MomentumDumping(WheelManager):
         "momentum that the wheels keep against each other: of the wheel whose share is 1",
         needs=("h_wheel", "tau_cmd_wheel"),
     )
+    wheels_out: int = Parameter(
+        "1",
+        "which wheels are known to have failed, and get no command from out_from on",
+        groups=True,
+        needs=("tau_cmd_wheel",),
+    )
+    out_from: float = Parameter("s", "when they have")
     mode: int = Output(
         "1",
         "what the manager does",
@@ -71,7 +81,10 @@ class MomentumDumping(WheelManager):
     def start(self) -> None:
         """Set allocation, bias and commands to their start values."""
         super().start()
-        self._to_wheels = pseudo_inverse(self.axes_wheel)
+        self._out = group_of(self.wheels_out, len(self.h_wheel))
+        self._is_out = False
+        self._live_axes = self.axes_wheel
+        self._to_wheels = pseudo_inverse(self._live_axes)
         self._first_sample_time: float | None = None
         self._no_momentum = (0.0,) * len(self.h_wheel)
         n = null_vector(self.axes_wheel)
@@ -108,6 +121,7 @@ class MomentumDumping(WheelManager):
                 self._n = self.m_cmd_body = self.tau_cmd_thruster_body = ZERO
                 self.mode = IDLE
         if self.wheels_due(t, is_sample):
+            self._leave_out(t)
             self.tau_cmd_wheel = wheel_torque(
                 self._to_wheels,
                 self.axes_wheel,
@@ -118,13 +132,17 @@ class MomentumDumping(WheelManager):
             )
             if self.valid_h:
                 self.empty_null_space()
+            if self._is_out:
+                self.tau_cmd_wheel = tuple(
+                    0.0 if self._out[i] else x for i, x in enumerate(self.tau_cmd_wheel)
+                )
 
     def empty_null_space(self) -> None:
         """Add the torques that make the wheels' null-space momentum decay."""
         rate = self.null_rate()
         if rate <= 0.0:
             return
-        against = null_part(self.axes_wheel, self._to_wheels, self.h_wheel)
+        against = null_part(self._live_axes, self._to_wheels, self.h_wheel)
         self.tau_cmd_wheel = tuple(
             x - rate * (y - z)
             for x, y, z in zip(self.tau_cmd_wheel, against, self._bias, strict=True)
@@ -133,6 +151,17 @@ class MomentumDumping(WheelManager):
     def null_rate(self) -> float:
         """Return the rate (1/s) at which the null space is brought to its bias."""
         return self.null_gain
+
+    def _leave_out(self, t: float) -> None:
+        """Allocate to the wheels that are left once some are known to have failed."""
+        if self._is_out or self.wheels_out == 0 or t < self.out_from:
+            return
+        count = len(self.h_wheel)
+        self._is_out = True
+        self._live_axes = tuple(
+            0.0 if self._out[i % count] else x for i, x in enumerate(self.axes_wheel)
+        )
+        self._to_wheels = pseudo_inverse(self._live_axes)
 
     def control_by_wheels(self) -> Vec3:
         """Return the controller's torque (N m, body) that the wheels are to give."""

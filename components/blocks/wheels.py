@@ -3,7 +3,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import cos, floor, inf, pi, sin
 
-from ..contract.block import Parameter, PerWheel, Vec3, WheelFlags
+from ..contract.block import Parameter, PerWheel, Vec3, group_of
 from ..contract.roles import WheelInertias
 from ..contract.roles import Wheels as Role
 from ..maths.noise import stream, uniform
@@ -12,36 +12,11 @@ from ..physics.rotor import AT_LIMIT, Motor, Rotor, step
 
 TORQUE, SPEED = range(2)
 FULL_TURN = 2.0 * pi
-MOST_WHEELS = 8
 EDGE = 1e-6  # a time so near a step's end, relative to the step, is the step's end
 FLAT = 1e-3  # Sine of the angle up to which axes count as parallel, or as in a plane.
 
 # A speed loop: its last sample and the command (N m) of that sample.
 Loop = tuple[int, float]
-
-
-def failing_of(choice: int, count: int) -> WheelFlags:
-    """Return which of `count` wheels fail, of MOST_WHEELS: a choice of `wheel_groups`.
-
-    As numbers in base two whose first digit is wheel 1, groups of a size decrease.
-    """
-    highest = 1
-    for _ in range(count):
-        highest *= 2
-    group, remaining = 0, choice
-    for size in range(1, count + 1):
-        for mask in range(highest - 1, 0, -1):
-            digits, rest = 0, mask
-            for _ in range(count):
-                digits, rest = digits + rest % 2, rest // 2
-            if digits == size:
-                remaining -= 1
-                if remaining == 0:
-                    group = mask
-    fails = [False] * MOST_WHEELS
-    for i in range(count):
-        fails[count - 1 - i], group = group % 2 == 1, group // 2
-    return tuple(fails)
 
 
 class Wheels(Role, WheelInertias):
@@ -225,7 +200,7 @@ class Wheels(Role, WheelInertias):
     def start(self) -> None:
         """Set rotors, speed loops and rotor angles (rad) to their start values."""
         self._nothing = (0.0,) * len(self.inertia_wheel)
-        self._failing = failing_of(self.failed, len(self.inertia_wheel))
+        self._failing = group_of(self.failed, len(self.inertia_wheel))
         self._present = tuple(
             i for i in range(len(self.inertia_wheel)) if self.inertia_wheel[i] > 0.0
         )

@@ -72,6 +72,7 @@ class Size(int):
 
 
 WHEELS = Size("wheels", 4)
+MOST_WHEELS = 8
 NOZZLES = Size("nozzles", 8)
 
 _SHAPES: dict[
@@ -192,6 +193,30 @@ def wheel_groups(count: int) -> tuple[str, ...]:
     numbers = range(1, count + 1)
     groups = (x for size in numbers for x in combinations(numbers, size))
     return ("none", *("+".join(map(str, group)) for group in groups))
+
+
+def group_of(choice: int, count: int) -> WheelFlags:
+    """Return which of MOST_WHEELS wheels a choice of `wheel_groups(count)` has.
+
+    As numbers in base two whose first digit is wheel 1, groups of a size decrease.
+    """
+    highest = 1
+    for _ in range(count):
+        highest *= 2
+    group, remaining = 0, choice
+    for size in range(1, count + 1):
+        for mask in range(highest - 1, 0, -1):
+            digits, rest = 0, mask
+            for _ in range(count):
+                digits, rest = digits + rest % 2, rest // 2
+            if digits == size:
+                remaining -= 1
+                if remaining == 0:
+                    group = mask
+    fails = [False] * MOST_WHEELS
+    for i in range(count):
+        fails[count - 1 - i], group = group % 2 == 1, group // 2
+    return tuple(fails)
 
 
 class _Declaration:

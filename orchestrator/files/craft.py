@@ -149,8 +149,8 @@ def read(path: Path, options: Options) -> Draft:
         if isinstance(rows, list) and rows and isinstance(rows[0], list):
             count = (len(rows), len(rows[0]))[axis]
             if count not in most:
-                allowed = f"{most[0]} to {most[-1]} are taken"
-                file.problem(f"{table}.{key}", f": {count} {size.kind}; {allowed}")
+                limits = f"{most[0]} to {most[-1]} are taken"
+                file.problem(f"{table}.{key}", f": {count} {size.kind}; {limits}")
             elif count != size:
                 draft.sizes[size.kind] = count
     for name, source in file.table("components").items():

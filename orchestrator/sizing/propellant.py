@@ -166,8 +166,8 @@ def thruster_cost(
     partners = np.array(thrusters["partner_nozzle"], int) - 1
     firsts = np.flatnonzero((partners < 0) | (partners > np.arange(len(partners))))
     for table in (torques, forces, thrust):  # a couple counts as one nozzle
-        paired = firsts[partners[firsts] >= 0]
-        table[paired] += table[partners[paired]]
+        couples = firsts[partners[firsts] >= 0]
+        table[couples] += table[partners[couples]]
     return ThrusterCost(
         torques[firsts], forces[firsts], thrust[firsts], False, isp, **losses
     )

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -58,12 +61,12 @@ def fly(folder, facts, stop=6000.0, **values):
 def test_any_number_of_wheels_keeps_the_momentum_to_the_last_bits(tmp_path, wheels):
     (tmp_path / "wheels.csv").write_text(AXES)
     wheels = wheels.replace("FILE", str(tmp_path / "wheels.csv"))
-    run = fly(tmp_path / "mine", replace(LOW, wheels=wheels))
-    largest = np.abs(run.results.values("wheels.h_wheel")).max()
-    assert run.manifest.numbers["momentum_residual"].value < 1e-14 * largest
-    assert run.manifest.numbers["pointing"].value < 0.1
+    flight = fly(tmp_path / "mine", replace(LOW, wheels=wheels))
+    largest = np.abs(flight.results.values("wheels.h_wheel")).max()
+    assert flight.manifest.numbers["momentum_residual"].value < 1e-14 * largest
+    assert flight.manifest.numbers["pointing"].value < 0.1
     count = wheel_layout.layout_of(wheels).count
-    assert run.results.values("wheels.h_wheel").shape[1] == max(count, 4)
+    assert flight.results.values("wheels.h_wheel").shape[1] == max(count, 4)
 
 
 def test_the_native_block_of_six_wheels_is_the_one_in_python(tmp_path):
@@ -73,12 +76,33 @@ def test_the_native_block_of_six_wheels_is_the_one_in_python(tmp_path):
     series = []
     for blocks in (False, True):
         options = Options(stop=1500.0, values=values, blocks=blocks)
-        run = simulate(prepare(read(str(tmp_path / "mine")), options)).or_raise("mine")
-        series.append(run.results.values("wheels.h_wheel"))
-        failed = run.results.values("wheels.failed_wheel")
-        assert failed[-1].tolist() == [False, True, False, False, True, False]
+        flight = simulate(prepare(read(str(tmp_path / "mine")), options)).or_raise(
+            "mine"
+        )
+        series.append(flight.results.values("wheels.h_wheel"))
+        dead = flight.results.values("wheels.failed_wheel")
+        assert dead[-1].tolist() == [False, True, False, False, True, False]
     assert np.array_equal(*series)
     assert not np.array_equal(series[0][0], series[0][-1])
+
+
+@pytest.mark.parametrize("wheels", ["4 pyramid 30mNms", "6 pyramid 30mNms"])
+def test_a_wheel_that_is_known_to_have_failed_gets_no_command(tmp_path, wheels):
+    errors = []
+    for known in ("none", "1"):
+        values = {
+            "wheels.failed": "1",
+            "wheels.failed_from": 3000.0,
+            "manager.wheels_out": known,
+            "manager.out_from": 3000.0,
+        }
+        folder = tmp_path / known
+        flight = fly(folder, replace(LOW, wheels=wheels), stop=12000.0, **values)
+        errors.append(flight.manifest.numbers["pointing"].value)
+        commands = flight.results.values("manager.tau_cmd_wheel")
+    assert errors[1] < 0.7 * errors[0]
+    assert not commands[3002:, 0].any()
+    assert commands[:2990, 0].any()
 
 
 def test_another_number_of_wheels_is_built_once_and_is_ours(tmp_path):
@@ -99,10 +123,10 @@ def test_a_bias_keeps_wheels_from_standstill_and_is_counted(tmp_path):
     for bias in (None, "9mNms", "1500rpm"):
         folder = tmp_path / str(bias)
         facts = replace(LOW, wheels="6 pyramid 30mNms", bias=bias)
-        run = fly(folder, facts, stop=12000.0)
-        speed = run.results.values("wheels.speed_wheel")
+        flight = fly(folder, facts, stop=12000.0)
+        speed = flight.results.values("wheels.speed_wheel")
         changes.append(int((np.diff(np.sign(speed), axis=0) != 0).sum()))
-        margins.append(run.manifest.numbers["largest_momentum"].value)
+        margins.append(flight.manifest.numbers["largest_momentum"].value)
     assert changes[0] > 0
     assert changes[1] == changes[2] == 0
     assert margins[1] > margins[0] + 20.0
@@ -218,9 +242,9 @@ def test_a_craft_follows_where_it_points(tmp_path, pointing):
     if pointing == "plan.csv":
         (tmp_path / "plan.csv").write_text("t [min],mode\n0,nadir\n40,sun\n80,nadir\n")
         pointing = str(tmp_path / "plan.csv")
-    run = fly(tmp_path / "mine", replace(LOW, pointing=pointing), stop=8000.0)
-    assert run.manifest.numbers["pointing"].value < 0.2
-    q = run.results.values("guidance.q_ref_bi")
+    flight = fly(tmp_path / "mine", replace(LOW, pointing=pointing), stop=8000.0)
+    assert flight.manifest.numbers["pointing"].value < 0.2
+    q = flight.results.values("guidance.q_ref_bi")
     assert np.abs(np.linalg.norm(q, axis=1) - 1.0).max() < 1e-12
 
 
@@ -254,3 +278,50 @@ def test_a_tilt_at_mars_has_the_gravity_torque_of_the_books(tmp_path):
     tilt = np.radians(16.0)
     torque = 3.0 * rate2 * (200.0 - 120.0) * np.sin(tilt) * np.cos(tilt)
     assert sizing.a_day / 86400.0 == pytest.approx(torque, rel=1e-4)
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "forms.md"
+COMMANDS = [
+    line.strip()
+    for line in PAGE.read_text().splitlines()
+    if line.startswith("    desat")
+]
+FORMS = sorted(
+    {
+        form
+        for row in PAGE.read_text().splitlines()
+        if row.startswith("| ")
+        for form in re.findall(r"--[a-z]+ (?:'[^']+'|[^\s`,;|]+)", row)
+    }
+)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_each_command_of_the_page_makes_a_craft(command, tmp_path, desat):
+    arguments = shlex.split(command)[1:]
+    arguments[2] = str(tmp_path / arguments[2])
+    desat(*arguments, check=True)
+    desat("check", arguments[2], check=True)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_each_form_of_the_page_is_taken(form, tmp_path, desat):
+    """With what it needs beside it: thrusters with dumps, a craft in deep space."""
+    files = {
+        "wheels.csv": AXES,
+        "layout.csv": LAYOUT,
+        "contacts.csv": "begin [h],end [h]\n2,3\n",
+        "plan.csv": "t,mode\n0,nadir\n600,sun\n",
+    }
+    option, value = shlex.split(form)
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+        value = value.replace(name, str(tmp_path / name))
+    facts = {"--mass": "600kg", "--box": "1.2,1.2,1.8"}
+    if option in ("--thrusters", "--dump", "--arm", "--orbit", "--sun", "--altitude"):
+        facts |= {"--thrusters": "4 1N", "--dump": "thrusters 70:10", "--rods": "none"}
+    if value.endswith("mNms"):
+        facts |= {"--mass": "20kg", "--box": "0.2,0.2,0.3"}
+    facts[option] = value
+    arguments = [x for pair in facts.items() for x in pair]
+    desat("new", "craft", str(tmp_path / "mine"), *arguments, check=True)

@@ -47,8 +47,8 @@ def test_the_orbit_is_keplers_and_its_node_drifts_by_j2(body, figures):
     first, last = (np.cross(x[:3], x[3:6]) for x in later)
     first, last = (x - (x @ z) * z for x in (first, last))
     turn = np.arccos(first @ last / np.linalg.norm(first) / np.linalg.norm(last))
-    expected = 1.5 * n * j2 * (radius / a / (1 - e * e)) ** 2 * np.cos(i) * day
-    assert turn == pytest.approx(expected, rel=2e-3)
+    drift = 1.5 * n * j2 * (radius / a / (1 - e * e)) ** 2 * np.cos(i) * day
+    assert turn == pytest.approx(drift, rel=2e-3)
 
 
 def test_the_share_of_eclipse_is_that_of_a_cylinder():

@@ -94,7 +94,7 @@ def test_a_target_lies_along_z_while_it_is_above_its_elevation():
             np.sin(0.24),
         )
     )
-    followed = 0
+    count = 0
     for k in range(0, 1400):
         angle = 7.292115e-5 * k
         c, s = np.cos(angle), np.sin(angle)
@@ -105,12 +105,12 @@ def test_a_target_lies_along_z_while_it_is_above_its_elevation():
         elevation = np.arcsin(-line @ up / np.linalg.norm(line))
         z = np.array(rotate(attitudes[k], tuple(line / np.linalg.norm(line))))
         if elevation > 0.3:
-            followed += 1
+            count += 1
             assert z[2] > np.cos(2e-3)
         elif elevation < -0.2 and k > 10:
             down = rotate(attitudes[k], tuple(-np.array(r) / np.linalg.norm(r)))
             assert down[2] > np.cos(0.2)
-    assert followed > 100
+    assert count > 100
 
 
 @pytest.mark.parametrize(
