@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from desat.components.blocks.environment_planet import BODIES
+
 from ..analyses.manifest import Manifest
 from ..engine.recording.results import Results
 from ..figures.craft import DIRECTIONS, pieces
@@ -108,6 +110,7 @@ def view(
         "step": float(times[1] - times[0]),
         "series": {name: _packed(s) for name, s in rows_by_series.items()},
         "colours": DIRECTIONS,
+        "body": _body_of(craft),
         "craft": [
             p.to_json()
             for p in pieces(
@@ -118,6 +121,14 @@ def view(
             )
         ],
     }
+
+
+def _body_of(craft: Mapping[str, Any]) -> JsonObject | None:
+    """Return name, radius (km) and mu (km3/s2) of the Moon or Mars; None: the Earth."""
+    for name, (mu, radius, *_) in zip(("Moon", "Mars"), BODIES, strict=True):
+        if craft.get("mu") == mu:
+            return {"name": name, "radius": 1e-3 * radius, "mu": 1e-9 * mu}
+    return None
 
 
 def _packed(values: Array) -> JsonObject:

@@ -258,8 +258,8 @@ def tabulate_dumps(sizing: DumpSizing) -> Table:
         ("longest pulse", steady.on_time, None, "s"),
         (
             "pulses a year of the valve that opens most",
-            steady.pulses * YEAR / steady.interval,
-            None,
+            f"{steady.pulses * YEAR / steady.interval:,.0f}",
+            "",
             "",
         ),
         (

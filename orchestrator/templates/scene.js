@@ -13,8 +13,11 @@ function makeScene(root, seek) {
     return { show() {}, at() {}, turned };
   }
   const cameras = [{ turn: 0.9, tilt: 0.45 }, { turn: 0.7, tilt: 0.35 }];
-  const EARTH_RADIUS = 6378.137, SUN_RADIUS = 695700, AU = 149597870.7; // km
-  const MU = { Earth: 398600.4418, Sun: 1.32712440018e11 }; // km3/s2
+  const AU = 149597870.7; // km
+  const EARTH = { name: "Earth", radius: 6378.137, mu: 398600.4418 }; // km, km3/s2
+  const SUN = { name: "Sun", radius: 695700, mu: 1.32712440018e11 };
+  const FILLS = { Sun: ["#e0a100", "#e0a100"], Earth: ["#a9cbe8", "#2f5f8f"],
+    Moon: ["#c9c9c9", "#707070"], Mars: ["#dcae91", "#8a5a40"] }; // by day: light, dark
   const FARTHEST = 1e6; // km: positions beyond are from the Sun
   let data = null, series = {}, row = 0, playing = 0, seenBefore = false;
 
@@ -105,9 +108,9 @@ function makeScene(root, seek) {
     path(true);
     ctx.beginPath();
     ctx.arc(0, 0, Math.max(radius, 3), 0, 2 * Math.PI);
-    ctx.fillStyle = data.centre === "Sun" ? "#e0a100" : dark.matches ? "#2f5f8f" : "#a9cbe8";
+    ctx.fillStyle = FILLS[data.centre][Number(dark.matches)];
     ctx.fill();
-    if (data.centre === "Earth") {
+    if (data.centre !== "Sun") {
       night(ctx, radius, sun, right, up, toward);
       graticule(ctx, flat, toward);
     }
@@ -120,7 +123,7 @@ function makeScene(root, seek) {
         .slice(0, 2), hue, label);
     };
     if (series.b) along(vector("b", row), data.colours.b, "B");
-    if (series.sun && data.centre === "Earth") along(sun, data.colours.sun, "Sun");
+    if (series.sun && data.centre !== "Sun") along(sun, data.colours.sun, "Sun");
     const h = momentum();
     if (h) along(h, data.colours.h, "h");
     ctx.fillStyle = css("--ink");
@@ -241,11 +244,13 @@ function makeScene(root, seek) {
     const parts = [`${text(t / size, data.times[data.count - 1] / size / 1e3)} ${name}`];
     if (data.orbit) {
       const r = length(vector("r", row));
-      parts.push(data.centre === "Earth" ? `altitude ${text(r - data.radius, 1)} km`
+      parts.push(data.centre !== "Sun" ? `altitude ${text(r - data.radius, 1)} km`
         : `${text(r / AU, 1e-3)} au from the Sun`);
     }
-    if (series.light && series.sun) parts.push(series.light[row] > 0.5 ? "in sunlight"
-      : series.light[row] > 0.01 ? "in penumbra" : "in shadow");
+    if (series.light && series.sun) { // far from the Sun the whole of its light is less than 1
+      const share = series.light[row] / (data.brightest || 1);
+      parts.push(share > 0.5 ? "in sunlight" : share > 0.01 ? "in penumbra" : "in shadow");
+    }
     const h = momentum();
     if (h) {
       const [factor, unitName] = data.largest < 1 ? [1e3, "mN m s"] : [1, "N m s"];
@@ -279,16 +284,16 @@ function makeScene(root, seek) {
     draw();
   }
 
-  function centreOf(count) { // what the craft orbits; "" where it stays at a place
-    if (!series.r || !series.v) return "";
+  function centreOf(count, body) { // what the craft orbits; null where it stays at a place
+    if (!series.r || !series.v) return null;
     let moves = false;
     for (let i = 3; i < 3 * count && !moves; i++) moves = series.r[i] !== series.r[i % 3];
-    if (!moves) return "";
-    return length(vector("r", 0)) > FARTHEST ? "Sun" : "Earth";
+    if (!moves) return null;
+    return length(vector("r", 0)) > FARTHEST ? SUN : body || EARTH;
   }
 
   function ellipse() { // points of the osculating orbit, km; none of an open one
-    const r = vector("r", row), v = vector("v", row), mu = MU[data.centre];
+    const r = vector("r", row), v = vector("v", row), mu = data.mu;
     const h = cross(r, v);
     const a = 1 / (2 / length(r) - dot(v, v) / mu);
     const shape = plus(times(cross(v, h), 1 / mu), times(unit(r), -1));
@@ -309,19 +314,24 @@ function makeScene(root, seek) {
     for (const name of ["b", "sun", "h"]) {
       if (series[name] && !series[name].some((v) => v !== 0)) delete series[name];
     }
-    const centre = centreOf(told.count);
+    const body = centreOf(told.count, told.body);
+    const centre = body ? body.name : "";
     const clock = Float64Array.from({ length: told.count }, (_, k) => told.first + k * told.step);
     data = { ...told, times: clock, centre, orbit: centre !== "",
-      radius: centre === "Sun" ? SUN_RADIUS : EARTH_RADIUS };
+      radius: (body || EARTH).radius, mu: (body || EARTH).mu };
     const r = series.r;
     data.reach = 0;
     for (let k = 0; r && k < told.count; k++) data.reach = Math.max(data.reach, length(vector("r", k)));
+    data.brightest = 0;
+    for (let k = 0; series.light && k < told.count; k++) {
+      data.brightest = Math.max(data.brightest, series.light[k]);
+    }
     data.largest = 0;
     for (let k = 0; series.h && k < told.count; k++) {
       data.largest = Math.max(data.largest, length(vector("h", k)));
     }
     data.size = Math.max(...told.craft.flatMap((p) => [...p.faces, ...p.lines]).flat().map(length));
-    if (!seenBefore && series.sun && centre === "Earth") { // the day's side, obliquely
+    if (!seenBefore && series.sun && centre && centre !== "Sun") { // the day's side, obliquely
       const sun = vector("sun", 0);
       cameras[0].turn = Math.atan2(sun[1], sun[0]) + 0.7;
     }

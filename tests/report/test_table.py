@@ -376,7 +376,7 @@ def test_size_prints_dumps_with_their_units():
         ["propellant of a dump", "0.0215", "0.0214", "kg"],
         ["time of a dump", "600", "", "s"],
         ["longest pulse", "0.3", "", "s"],
-        ["pulses a year of the valve that opens most", "3131", "", ""],
+        ["pulses a year of the valve that opens most", "3,131", "", ""],
         ["propellant a year, from the simulated time", "1.122", "1.078", "kg"],
         ["propellant a year, mean over the days of the year", "1.079", "", "kg"],
         ["the same with low solar activity", "0.9", "", "kg"],
