@@ -1,4 +1,4 @@
-"""docs/sizing-thrusters.md: crafts of eight kinds, drawn by a seed, what `desat size`
+"""docs/sizing-thrusters.md: crafts of sixteen kinds, drawn by a seed, what `desat size`
 says of each beside its closed loop.
 
 python -m benchmarks.dumps [--seed N]
@@ -42,6 +42,59 @@ def _wings(
     wing = f"{r.uniform(*areas):.2f}m2 {r.uniform(*arms):.2f}m"
     pair, fixed = r.choice(["2 x ", ""]), r.choice(["", "", " fixed +z"])
     return ["--wings", f"{pair}{wing} {r.choice('xy')}{fixed}"]
+
+
+def _middle(r: random.Random, dump: str = "thrusters 70:10") -> str:
+    """A craft of 300 to 1,200 kg with thrusters and two wings, without its place."""
+    u = r.uniform
+    sides = _box(r, (1.0, 1.5), (1.4, 2.2))
+    return (
+        f"--mass {u(300, 1200):.0f}kg --box {sides} --wings '2 x {u(2, 6):.1f}m2 "
+        f"{u(1.8, 2.6):.1f}m' --rods none --wheels '{r.choice([4, 5, 6])} pyramid 4Nms' "
+        f"--thrusters '{r.choice(['4 1N', '8 1N', '12 1N'])}' --dump '{dump}'"
+    )
+
+
+def _nano(r: random.Random) -> str:
+    """A 12U with rods in a low orbit, without its wheels and attitude."""
+    return (
+        f"--size 12U --altitude {r.uniform(420, 650):.0f}km --inclination "
+        f"{r.uniform(40, 97):.1f}deg --rods 0.5"
+    )
+
+
+def _target(r: random.Random) -> str:
+    """A target that the orbit of `_nano` passes."""
+    return f"target {r.uniform(5, 38):.1f}N {r.uniform(0, 170):.1f}E"
+
+
+FORMS = {
+    "GEO, nozzles": lambda r: (
+        f"--orbit geo {_middle(r).replace('4Nms', '12Nms')} --secular "
+        f"{r.uniform(10, 40):.0f}uNm,{r.uniform(10, 40):.0f}uNm,{r.uniform(5, 20):.0f}uNm"
+    ),
+    "Moon": lambda r: (
+        f"--orbit 'moon {r.uniform(80, 300):.0f}km' --pointing 'nadir "
+        f"{r.uniform(3, 15):.1f}deg {r.choice(['pitch', 'roll'])}' {_middle(r)}"
+    ),
+    "Mars": lambda r: (
+        f"--orbit 'mars {r.uniform(250, 500):.0f}x{r.uniform(500, 2000):.0f}km' "
+        f"--pointing 'nadir {r.uniform(3, 15):.1f}deg pitch' {_middle(r)}"
+    ),
+    "L1 and L2": lambda r: f"--sun {r.choice(['L1', 'L2'])} {_middle(r)}",
+    "12U, wheels by number": lambda r: (
+        f"{_nano(r)} --wheels '{r.choice([3, 5, 6, 8])} "
+        f"{r.choice(['pyramid', 'axes'])} 40mNms'"
+    ),
+    "12U, six wheels with a bias": lambda r: (
+        f"{_nano(r)} --wheels '6 pyramid 40mNms' --bias {r.uniform(3, 12):.0f}mNms"
+    ),
+    "12U, spin": lambda r: (
+        f"{_nano(r)} --pointing 'spin {r.uniform(0.05, 1.0):.2f}rpm {r.choice('xz')}'"
+    ),
+    "12U, target": lambda r: f"{_nano(r)} --pointing '{_target(r)}'",
+}
+"""Kinds of docs/forms.md: the options of `desat new craft` as text."""
 
 
 def facts(kind: str, r: random.Random) -> list[str]:
@@ -147,6 +200,8 @@ def facts(kind: str, r: random.Random) -> list[str]:
             dump,
             *_wings(r, (4, 10), (1.2, 2.5)),
         ]
+    if kind in FORMS:
+        return shlex.split(FORMS[kind](r))
     sun, pointing = u(0.7, 1.6), r.choice(["sun", "inertial"])
     kg_per_unit, units = u(1.1, 2.0), r.choice([6, 12, 16])  # as CubeSats are flown
     return [
@@ -177,6 +232,7 @@ KINDS = (
     "GTO",
     "Molniya",
     "deep space",
+    *FORMS,
 )
 
 
