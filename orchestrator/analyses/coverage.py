@@ -80,7 +80,7 @@ class WheeledBody:
     """Rigid body with wheels.
 
     It has the inertia without the wheels' axial part (3, 3; kg m2), the axes of the
-    wheels (3, 4) and their momentum at the start (4,; N m s).
+    wheels (3, n) and their momentum at the start (n,; N m s).
     """
 
     carrier: Array
@@ -92,7 +92,7 @@ class WheeledBody:
     def turning(self, omega: Array, h: Array) -> Array:
         """Compute |omega| + nutation (rad/s).
 
-        The states are rates (n, 3) in rad/s and wheel momenta (n, 4) in N m s.
+        The states are rates (n, 3) in rad/s and wheel momenta (n, wheels) in N m s.
         """
         momentum = omega @ self.carrier.T + h @ self.axes.T
         nutation = np.einsum("ij,jk,ik->i", momentum, self.carrier, momentum)
@@ -274,7 +274,7 @@ def reached_by(
 ) -> Reached:
     """Compute the motions of a body from its states at times (n,; s).
 
-    These are attitude (n, 4), rate (n, 3; rad/s), momenta of the wheels (n, 4; N m s)
+    These are attitude (n, 4), rate (n, 3; rad/s), momenta of the wheels (n, k; N m s)
     and external impulse until then (n, 3; N m s, eci).
     """
     seconds = np.diff(times)[:, None]

@@ -154,7 +154,7 @@ def _momentum(manifest: Manifest, results: Results) -> Momentum | None:
 
 
 def carrier_of(parameters: Mapping[str, Parameter]) -> tuple[Array, Array]:
-    """Return J_r (3, 3) in kg m2 and the wheels' axes (3, 4) of a rigid body.
+    """Return J_r (3, 3) in kg m2 and the wheels' axes (3, n) of a rigid body.
 
     J_r is the inertia without the wheels' axial part.
     """

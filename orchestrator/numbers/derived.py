@@ -162,7 +162,7 @@ def of_entry(entry: Number | Plot) -> tuple[DerivedQuantity, dict[str, Any]] | N
 @quantity("x", "y", "z", unit="", elements=("axes_wheel",))
 def in_body(h: Array, axes_wheel: Sequence[float]) -> Array:
     """The sum of the wheels' momenta as a vector in body (rows, 3): of h_i along each
-    axis, the columns of axes_wheel (3, 4) row by row. Of numbers only: plots know no
+    axis, the columns of axes_wheel (3, n) row by row. Of numbers only: plots know no
     parameters.
     """
     return np.asarray(h @ np.reshape(axes_wheel, (3, -1)).T)

@@ -555,7 +555,7 @@ class _SubstepFlight:
     """States after each step of a flight.
 
     These are times (n,; s), attitude (n, 4), rate (n, 3; rad/s), momenta of the wheels
-    (n, 4; N m s) and external impulse (n, 3; N m s, eci).
+    (n, k; N m s) and external impulse (n, 3; N m s, eci).
     """
 
     times: Array

@@ -1415,8 +1415,7 @@ def _taken(
     block.start()
     remaining, t = share * momentum_body, 0.0
     for _ in range(MOST_SAMPLES):
-        a, b, c, d = (spread @ (remaining + target)).tolist()
-        block.h_wheel = (a, b, c, d)
+        block.h_wheel = tuple((spread @ (remaining + target)).tolist())
         x, y, z = remaining.tolist()
         torque, _ = block.dump(t, t, (x, y, z))
         if block.mode != DUMPING:

@@ -227,7 +227,7 @@ def _ask_native(law: Law, samples: Samples) -> Array | None:
     measured = [inputs[name] for name in names]
 
     def fly(h: Array) -> Array | None:
-        """Return the dipoles (rows, 3) with momenta h of the wheels (rows, 4)."""
+        """Return the dipoles (rows, 3) with momenta h of the wheels (rows, n)."""
         values = np.hstack([h, *measured])
         return rows_of(component, times, elements["m_cmd_body"], input_signals, values)
 

@@ -165,11 +165,24 @@ def test_couples_leave_no_force():
         block.start()
 
 
-@pytest.mark.parametrize("thrusters", ["8 1N", "12 1N", "FILE"])
-def test_dumps_by_nozzles_are_sized_as_they_fly(tmp_path, thrusters):
+@pytest.mark.parametrize(
+    ("thrusters", "wheels"),
+    [
+        ("8 1N", "5 pyramid 12Nms"),
+        ("12 1N", "4 pyramid 12Nms"),
+        ("FILE", "6 axes 12Nms"),
+    ],
+)
+def test_dumps_by_nozzles_are_sized_as_they_fly(tmp_path, thrusters, wheels):
     (tmp_path / "layout.csv").write_text(LAYOUT)
     thrusters = thrusters.replace("FILE", str(tmp_path / "layout.csv"))
-    facts = replace(FAR, orbit="geo", thrusters=thrusters, secular="60uNm,90uNm,30uNm")
+    facts = replace(
+        FAR,
+        orbit="geo",
+        thrusters=thrusters,
+        wheels=wheels,
+        secular="60uNm,90uNm,30uNm",
+    )
     write(tmp_path / "mine", facts, "")
     sizing = size_dumps(
         str(tmp_path / "mine"), Options(), SizingRequirements(year=False)
