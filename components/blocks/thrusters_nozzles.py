@@ -99,7 +99,7 @@ class ThrustersNozzles(PulsedThrusters):
         "number of the nozzle that fires with each, as a couple, the same of both; 0: none",
         shape=(NOZZLES,),
         min=0.0,
-        max=float(NOZZLES),
+        usual=(0.0, 24.0),
     )
     schedule_nozzle: Table = Parameter(
         "1",
