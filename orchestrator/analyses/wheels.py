@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ..system.model import System
+from ..system.model import Component, System
 from ..system.wheels import axes_of, existing
 
 # Axes lie in a plane if their smallest singular value, against the largest, is below
@@ -34,18 +34,28 @@ def _axes(system: System) -> Iterator[str]:
                 "the controller wants"
             )
             continue
-        failed, since = c.choice("failed"), c.values["failed_from"]
-        if failed != "none" and since < system.stop:
-            there[[int(x) - 1 for x in failed.split("+")]] = False
-            if missing := _left_out(axes[:, there]):
-                place, begin = (
-                    c.origins.get("failed", system.place),
-                    max(since, system.start),
-                )
+        for who, groups, begin in _failures(system, c):
+            failed, since = who.choice(groups), who.values[begin]
+            if failed == "none" or since >= system.stop:
+                continue
+            left = there.copy()
+            left[[int(x) - 1 for x in failed.split("+")]] = False
+            if missing := _left_out(axes[:, left]):
                 yield (
-                    f"{place}: {c.name}.failed = {failed}: from {begin:g} s on no wheel "
-                    f"gives torque about {missing}, which the controller commands"
+                    f"{who.origins.get(groups, system.place)}: {who.name}.{groups} = "
+                    f"{failed}: from {max(since, system.start):g} s on no wheel gives "
+                    f"torque about {missing}, which the controller commands"
                 )
+
+
+def _failures(
+    system: System, wheels: Component
+) -> Iterator[tuple[Component, str, str]]:
+    """Yield who says that wheels fail, in which parameter, and which has the time."""
+    yield wheels, "failed", "failed_from"
+    for c in system.components.values():
+        if "wheels_out" in c.values:
+            yield c, "wheels_out", "out_from"
 
 
 def _left_out(axes: NDArray[np.float64]) -> str:

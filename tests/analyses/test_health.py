@@ -254,11 +254,14 @@ def test_the_third_wheel_of_three_that_fails_is_told_of(tmp_path, desat):
     desat(
         "new", "craft", str(tmp_path / "three"), "--wheels", "3 axes 30mNms", check=True
     )
-    options = Options(sets=["wheels.failed=2", "wheels.failed_from=100"])
-    lines = prepare(str(tmp_path / "three"), options).warnings
-    assert any(
-        "from 100 s on no wheel gives torque about (0, 1, 0)" in x for x in lines
-    )
+    for sets in (
+        ["wheels.failed=2", "wheels.failed_from=100"],
+        ["manager.wheels_out=2", "manager.out_from=100"],
+    ):
+        lines = prepare(str(tmp_path / "three"), Options(sets=sets)).warnings
+        assert any(
+            "from 100 s on no wheel gives torque about (0, 1, 0)" in x for x in lines
+        )
     assert not any(
         "no wheel turns" in x
         for x in prepare(str(tmp_path / "three"), Options()).warnings
