@@ -38,9 +38,9 @@ def _axes(system: System) -> Iterator[str]:
             failed, since = who.choice(groups), who.values[begin]
             if failed == "none" or since >= system.stop:
                 continue
-            left = there.copy()
-            left[[int(x) - 1 for x in failed.split("+")]] = False
-            if missing := _left_out(axes[:, left]):
+            rest = there.copy()
+            rest[[int(x) - 1 for x in failed.split("+")]] = False
+            if missing := _left_out(axes[:, rest]):
                 yield (
                     f"{who.origins.get(groups, system.place)}: {who.name}.{groups} = "
                     f"{failed}: from {max(since, system.start):g} s on no wheel gives "
