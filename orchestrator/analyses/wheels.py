@@ -34,15 +34,15 @@ def _axes(system: System) -> Iterator[str]:
                 "the controller wants"
             )
             continue
-        for who, groups, begin in _failures(system, c):
-            failed, since = who.choice(groups), who.values[begin]
+        for source, groups, begin in _failures(system, c):
+            failed, since = source.choice(groups), source.values[begin]
             if failed == "none" or since >= system.stop:
                 continue
             rest = there.copy()
             rest[[int(x) - 1 for x in failed.split("+")]] = False
             if missing := _left_out(axes[:, rest]):
                 yield (
-                    f"{who.origins.get(groups, system.place)}: {who.name}.{groups} = "
+                    f"{source.origins.get(groups, system.place)}: {source.name}.{groups} = "
                     f"{failed}: from {max(since, system.start):g} s on no wheel gives "
                     f"torque about {missing}, which the controller commands"
                 )
