@@ -181,7 +181,7 @@ def test_dumps_by_nozzles_are_sized_as_they_fly(tmp_path, thrusters, wheels):
         orbit="geo",
         thrusters=thrusters,
         wheels=wheels,
-        secular="60uNm,90uNm,30uNm",
+        secular="300uNm,450uNm,150uNm",
     )
     write(tmp_path / "mine", facts, "")
     sizing = size_dumps(
