@@ -45,7 +45,7 @@ CRAFTS = {
     "geo": (
         "A geostationary craft with thrusters",
         "--orbit geo --mass 2500kg --box 2.5,2.5,3 --wheels '4 pyramid 50Nms' --rods none "
-        "--thrusters '4 10N' --dump 'thrusters 70:10' --panel '13m2 1.35m' --propellant 15kg",
+        "--thrusters '4 10N' --dump 'thrusters 70:10' --panel '13m2 1.35m' --propellant 20kg",
         [
             ["size", "geo"],
             ["run", "geo"],
