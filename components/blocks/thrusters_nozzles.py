@@ -3,7 +3,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from ..bases.pulses import ENTRIES, Jet, PulsedThrusters
-from ..contract.block import NOZZLES, Output, Parameter, Table, Vec3
+from ..contract.block import MOST_NOZZLES, NOZZLES, Output, Parameter, Table, Vec3
 from ..maths.allocation import gives, least_on_times
 from ..maths.vector import ZERO, add, cross, norm, scale
 
@@ -99,7 +99,7 @@ class ThrustersNozzles(PulsedThrusters):
         "number of the nozzle that fires with each, as a couple, the same of both; 0: none",
         shape=(NOZZLES,),
         min=0.0,
-        usual=(0.0, 24.0),
+        usual=(0.0, float(MOST_NOZZLES)),
     )
     schedule_nozzle: Table = Parameter(
         "1",

@@ -74,6 +74,7 @@ class Size(int):
 WHEELS = Size("wheels", 4)
 MOST_WHEELS = 8
 NOZZLES = Size("nozzles", 8)
+MOST_NOZZLES = 16
 
 _SHAPES: dict[
     str, tuple[Literal["Real", "Integer", "Boolean"], tuple[int, ...] | None]

@@ -8,11 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..system.model import Component, System
-from ..system.wheels import axes_of, existing
-
-# Axes lie in a plane if their smallest singular value, against the largest, is below
-# this.
-FLAT = 1e-3
+from ..system.wheels import FLAT, axes_of, existing
 
 
 def warnings(system: System) -> Iterator[str]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from desat.components.blocks.thrusters_nozzles import SIDES
+from desat.components.contract.block import MOST_NOZZLES, NOZZLES
 from desat.components.maths.allocation import gives, least_on_times
 
 from ..files import io
@@ -18,7 +19,6 @@ from ..files.columns import read_columns
 from ..system.errors import DesatError
 
 Array = NDArray[np.float64]
-USUAL, MOST = 8, 16  # rows of the block's tables
 LAYOUTS = (6, 8, 12)
 INSIDE = (
     1e-3  # of the largest side: so far into its exhaust a nozzle is free of the body
@@ -67,14 +67,14 @@ class Nozzles:
     def table(self, name: str) -> list[list[float]]:
         """Return a table of the block: positions or directions, zero for no nozzle."""
         rows = getattr(self, name)
-        table = np.zeros((max(len(rows), USUAL), 3))
+        table = np.zeros((max(len(rows), NOZZLES), 3))
         table[: len(rows)] = rows
         return [[float(f"{x:.9g}") for x in row] for row in table.tolist()]
 
     @property
     def thrusts(self) -> list[float]:
         """Return the thrust of each row of the tables (N)."""
-        count = max(len(self.thrust), USUAL)
+        count = max(len(self.thrust), NOZZLES)
         return [*self.thrust.tolist(), *[0.0] * (count - len(self.thrust))]
 
 
@@ -153,8 +153,10 @@ def read_layout(name: str, sides: Sequence[float]) -> Nozzles:
     has_isp = any(x in heading for x in ("isp", "i_sp", "specific_impulse"))
     units = {**UNITS, **({"isp": "s"} if has_isp else {})}
     rows = np.array(read_columns(file, place, units, NAMES, ("name", "nozzle")))
-    if len(rows) > MOST:
-        raise DesatError(f"{place}: {len(rows)} nozzles; {MOST} are taken at most")
+    if len(rows) > MOST_NOZZLES:
+        raise DesatError(
+            f"{place}: {len(rows)} nozzles; {MOST_NOZZLES} are taken at most"
+        )
     sizes = np.linalg.norm(rows[:, 3:6], axis=1)
     for i, size in enumerate(sizes, 1):
         if size == 0.0 or rows[i - 1, 6] <= 0.0:

@@ -9,17 +9,16 @@ from pathlib import Path
 
 import numpy as np
 
+from desat.components.contract.block import MOST_WHEELS, WHEELS
+
 from ..files.columns import read_columns
 from ..system.errors import DesatError, choices
+from ..system.wheels import FLAT
 
 LAYOUTS = ("pyramid", "axes")
 _S = 1.0 / sqrt(3.0)
 PYRAMID = [[_S, -_S, -_S, _S], [_S, _S, -_S, -_S], [_S, _S, _S, _S]]
-LEAST, MOST = 3, 8  # wheels
-USUAL = 4  # columns; fewer wheels leave some of them zero
-FLAT = (
-    1e-3  # singular value of the axes, over their largest, below which one is missing
-)
+LEAST = 3  # wheels; fewer than WHEELS leave columns zero
 
 
 @dataclass(frozen=True)
@@ -54,9 +53,9 @@ def layout_of(text: str) -> WheelLayout:
         raise DesatError(
             f"--wheels {text}: no layout {layout}{choices(layout, LAYOUTS)}"
         )
-    if not LEAST <= count <= MOST:
-        raise DesatError(f"--wheels {text}: {LEAST} to {MOST} wheels are taken")
-    if layout == "pyramid" and count == USUAL:
+    if not LEAST <= count <= MOST_WHEELS:
+        raise DesatError(f"--wheels {text}: {LEAST} to {MOST_WHEELS} wheels are taken")
+    if layout == "pyramid" and count == WHEELS:
         return WheelLayout(PYRAMID, count, "a pyramid along (+-1, +-1, 1)", match[3])
     if layout == "pyramid":
         rows = [_on_cone(i, count) for i in range(count)]
@@ -76,8 +75,8 @@ def _on_cone(i: int, count: int) -> tuple[float, ...]:
 def _layout(
     rows: list[tuple[float, ...]], words: str, size: str, text: str
 ) -> WheelLayout:
-    """Return the layout of axes (a row each); fewer than USUAL leave zero columns."""
-    axes = np.zeros((3, max(len(rows), USUAL)))
+    """Return the layout of axes (a row each); fewer than WHEELS leave zero columns."""
+    axes = np.zeros((3, max(len(rows), WHEELS)))
     axes[:, : len(rows)] = np.transpose(rows)
     strengths = np.linalg.svd(axes, compute_uv=False)
     if strengths[-1] < FLAT * strengths[0]:
@@ -93,8 +92,10 @@ def _read_axes(name: str) -> list[tuple[float, ...]]:
     place = f"--wheels {name}"
     names = {x: (f"axis_{x}", f"g{x}") for x in "xyz"}
     rows = read_columns(Path(name), place, dict.fromkeys("xyz", "1"), names)
-    if not LEAST <= len(rows) <= MOST:
-        raise DesatError(f"{place}: {len(rows)} wheels; {LEAST} to {MOST} are taken")
+    if not LEAST <= len(rows) <= MOST_WHEELS:
+        raise DesatError(
+            f"{place}: {len(rows)} wheels; {LEAST} to {MOST_WHEELS} are taken"
+        )
     sizes = [float(np.linalg.norm(row)) for row in rows]
     if min(sizes) == 0.0:
         raise DesatError(f"{place}: row {sizes.index(0.0) + 1} is no axis: 0, 0, 0")

@@ -15,6 +15,10 @@ from .model import Values
 
 Array = NDArray[np.float64]
 
+# Axes lie in a plane if their smallest singular value, against the largest, is below
+# this.
+FLAT = 1e-3
+
 
 def axes_of(values: Values) -> Array:
     """Return the wheel axes (3, n), body; zero where there is no wheel.
