@@ -1,4 +1,4 @@
-"""docs/sizing-thrusters.md: crafts of sixteen kinds, drawn by a seed, what `desat size`
+"""docs/sizing-thrusters.md: crafts of seventeen kinds, drawn by a seed, what `desat size`
 says of each beside its closed loop.
 
 python -m benchmarks.dumps [--seed N]
@@ -91,6 +91,10 @@ FORMS = {
     ),
     "12U, spin": lambda r: (
         f"{_nano(r)} --pointing 'spin {r.uniform(0.05, 1.0):.2f}rpm {r.choice('xz')}'"
+    ),
+    "12U, rods and thrusters": lambda r: (
+        f"{_nano(r).replace('--rods 0.5', '')} --rods {r.uniform(1, 6):.1f}mAm2 "
+        f"--residual-dipole 0.1Am2 --thrusters '4 10mN' --dump 'both 70:10'"
     ),
     "12U, target": lambda r: f"{_nano(r)} --pointing '{_target(r)}'",
 }

@@ -10,7 +10,7 @@ from ..laws.blending import Split
 from ..maths.vector import ZERO, add, clip, cross, norm, scale, sub
 
 WHEELS, SUM = range(2)
-THRUSTERS, COILS = range(2)
+THRUSTERS, COILS, BOTH = range(3)
 WAITING = 2
 THRUSTERS_HOLD = 1  # of `attitude_by`
 # Lower bound of the torque of a sample, relative to `torque`: without it noise would
@@ -53,6 +53,10 @@ class ManagerThreshold(MomentumDumping):
     coils: M = gain (h x B) / |B|^2, each component within +-`m_limit`; N = M x B. None
     at a sample whose field is not valid.
 
+    both: the coils work all the time, in dumps and between them, and thrusters dump
+    what the coils do not keep below `begin`. `mode`, `dumps`, `dumping_time` and
+    `dumped` are those of the thrusters.
+
     The wheels are commanded to give the body the controller's torque and to absorb,
     with `feedforward`, the dumping torque and, with `gyroscopic`, omega x h:
 
@@ -71,7 +75,7 @@ class ManagerThreshold(MomentumDumping):
         "s", "time between samples, a multiple of the step", start=10.0, min=0.0
     )
     by: int = Parameter(
-        "1", "what dumps", choices=("thrusters", "coils"), start="thrusters"
+        "1", "what dumps", choices=("thrusters", "coils", "both"), start="thrusters"
     )
     fill: int = Parameter(
         "1",
@@ -240,9 +244,13 @@ class ManagerThreshold(MomentumDumping):
                     f"windows: the last ends at {last:g} s, the run at {end:g} s: no dump "
                     "is after it"
                 )
-        name = ("tau_cmd_thruster_body", "m_cmd_body")[self.by]
-        if name not in wired_names:
-            self.fail(f"by = {('thrusters', 'coils')[self.by]}: {name} is unused")
+        for name, is_used in (
+            ("tau_cmd_thruster_body", self.by != COILS),
+            ("m_cmd_body", self.by != THRUSTERS),
+        ):
+            if is_used and name not in wired_names:
+                by = ("thrusters", "coils", "both")[self.by]
+                self.fail(f"by = {by}: {name} is unused")
         if 0.5 * max(self.pulse_body) >= self.begin - self.end:
             yield (
                 f"pulse_body = {self.pulse_body} N m s: half a pulse is no less than begin - "
@@ -254,7 +262,8 @@ class ManagerThreshold(MomentumDumping):
         """Begin, continue or end a dump; return its torque (N m, body) and its split.
 
         A dump goes from the momentum `begin` down to `end` (N m s). Thrusters oppose h
-        with at most `torque`, in pulses; coils follow the cross-product law.
+        with at most `torque`, in pulses; coils follow the cross-product law, those of
+        `both` at all times.
         """
         size = norm(h)
         fill = size
@@ -262,25 +271,26 @@ class ManagerThreshold(MomentumDumping):
             beyond = zip(self.h_wheel, self._bias, strict=True)
             fill = max(abs(x - y) for x, y in beyond)
         self._choose_mode(t, elapsed_time, h, size, fill)
-        if self.mode != DUMPING:
-            return ZERO, (ZERO, ZERO)
+        is_dumping = self.mode == DUMPING
+        m = n_coils = ZERO
+        if self.valid_b and (self.by == BOTH or (self.by == COILS and is_dumping)):
+            m = clip(cross_product.normalised(h, self.b_body, self.gain), self.m_limit)
+            n_coils = cross(m, self.b_body)
+        if not is_dumping:
+            return n_coils, (m, ZERO)
         self.dumping_time += self.sample_time
-        if self.by == THRUSTERS:
-            rest = size * (1.0 - self.end / fill) / self.sample_time
-            self._last = self._last + 1 if rest <= self.torque else 0
-            n = scale(-min(self.torque, max(rest, LAST * self.torque)) / size, h)
-            remaining = scale(1.0 - self.end / fill, h)
-            if self._is_done(remaining):
-                self._last = SAMPLES
-            n = self._in_pulses(n, remaining)
-            self._count(n)
-            return n, (ZERO, add(n, self._control_by_thrusters()))
-        if not self.valid_b:
-            return ZERO, (ZERO, ZERO)
-        m = clip(cross_product.normalised(h, self.b_body, self.gain), self.m_limit)
-        n = cross(m, self.b_body)
+        if self.by == COILS:
+            self._count(n_coils)
+            return n_coils, (m, ZERO)
+        rest = size * (1.0 - self.end / fill) / self.sample_time
+        self._last = self._last + 1 if rest <= self.torque else 0
+        n = scale(-min(self.torque, max(rest, LAST * self.torque)) / size, h)
+        remaining = scale(1.0 - self.end / fill, h)
+        if self._is_done(remaining):
+            self._last = SAMPLES
+        n = self._in_pulses(n, remaining)
         self._count(n)
-        return n, (m, ZERO)
+        return add(n, n_coils), (m, add(n, self._control_by_thrusters()))
 
     def _choose_mode(
         self, t: float, elapsed_time: float, h: Vec3, size: float, fill: float
@@ -311,7 +321,7 @@ class ManagerThreshold(MomentumDumping):
 
     def _control_by_thrusters(self) -> Vec3:
         """Return the controller's torque (N m, body) while thrusters give it."""
-        is_theirs = self.attitude_by == THRUSTERS_HOLD and self.by == THRUSTERS
+        is_theirs = self.attitude_by == THRUSTERS_HOLD and self.by != COILS
         return self.tau_ctrl_body if is_theirs and self.mode == DUMPING else ZERO
 
     def _count(self, n: Vec3) -> None:

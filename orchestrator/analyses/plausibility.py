@@ -127,9 +127,7 @@ def _dumps(system: System, wheels: WheelArray) -> Iterator[str]:
         manager.values["torque"],
         wheels.component.values.get("torque_limit", inf),
     )
-    if manager.choice("by") != "thrusters" or not manager.values.get(
-        "feedforward", True
-    ):
+    if manager.choice("by") == "coils" or not manager.values.get("feedforward", True):
         return
     wheel_torque = torque * float(
         np.linalg.norm(np.linalg.pinv(wheels.axes), axis=1).max()

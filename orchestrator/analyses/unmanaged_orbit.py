@@ -61,7 +61,7 @@ def dump_problems(system: System) -> Iterator[str]:
     values, capacity = manager.values, float(wheels.capacities.min())
     if not values.get("aligned") or not 0.0 < capacity < inf:
         return
-    if manager.choice("by") != "thrusters" or manager.choice("fill") != "wheels":
+    if manager.choice("by") == "coils" or manager.choice("fill") != "wheels":
         return
     place = place_of(system, manager, "longest_wait")
     latest = values["latest"]

@@ -126,7 +126,12 @@ MOST_BIAS = 0.9  # share of a wheel's capacity that it may keep
 PAIRS = 4  # number of thrusters that stands for pairs about each axis
 SAMPLE = Quantity("--sample", "s", 0.01, 10.0, bare=False)
 FILL = Quantity("--dump", "%", 0.0, 95.0)
-DUMPERS = ("thrusters", "coils")
+# What dumps, in words.
+DUMPERS = {
+    "thrusters": "thrusters",
+    "coils": "coils",
+    "both": "thrusters, of what the rods leave,",
+}
 PERIOD = Quantity("--dump every", "s", 600.0, 1e8, bare=False)
 MOMENTA = {"Nms": 1.0, "mNms": 1e-3}  # N m s
 CALENDAR = (90.0, 1.0)  # %: dumps by the calendar begin at the first at once, and end
@@ -320,9 +325,12 @@ def _removing_actuator(dump: NewDumps | None) -> Assumption:
     """Say which actuator of a craft with rods and thrusters removes momentum."""
     title = "momentum is removed by"
     if dump is not None and dump.by == "thrusters":
-        origin = "given: --dump; without it the rods would, at no propellant"
+        origin = "given: --dump; 'both 70:10' lets the rods take what they can"
         return Assumption(title, "thrusters alone", "", origin)
-    origin = "the thrusters do not fire: --dump 'thrusters 70:10' would"
+    if dump is not None and dump.by == "both":
+        origin = "given: --dump; rods all the time, thrusters from the threshold on"
+        return Assumption(title, "rods, then thrusters", "", origin)
+    origin = "the thrusters do not fire: --dump 'both 70:10' lets them take the rest"
     return Assumption(title, "rods alone", "", origin)
 
 
@@ -516,7 +524,7 @@ def _template_values(
             "a cross-product law takes the momentum that they leave in the wheels out through the "
             "coils."
             if dump is None
-            else f"dumps by {dump.by} take the momentum that they "
+            else f"dumps by {DUMPERS[dump.by]} take the momentum that they "
             f"leave in the wheels out from {dump.percent[0]} % of a wheel's capacity to "
             f"{dump.percent[1]} %."
         ),
@@ -987,7 +995,7 @@ def _substeps(step: float, acceleration: float, dump: NewDumps | None) -> int | 
     `coverage.LIMITS` requires when all wheels turn the craft at their torque (rad/s2
     each).
     """
-    if dump is None or dump.by != "thrusters":
+    if dump is None or dump.by == "coils":
         return AUTO
     return min(8, math.ceil(step * math.sqrt(2.4 * acceleration / KICK)))
 
@@ -1009,7 +1017,7 @@ def _stop(orbit: Orbit, dump: NewDumps | None, torque: float, step: float) -> fl
     days = 1.0
     if orbit.period >= SLOW:
         days = math.ceil(10.0 * orbit.period / 86400.0) if orbit.has_centre else 10.0
-    if dump is not None and dump.by == "thrusters":
+    if dump is not None and dump.by != "coils":
         between = 1.7 * dump.momentum / max(torque, 1e-12)
         if dump.period > 0.0:
             between = min(between, 1.1 * dump.period)
@@ -1036,17 +1044,17 @@ def _dump(
     capacity = wheels.capacity_si
     rule = _rule(facts.dump, capacity)
     begin, end, by, aligned, period, windows = rule
-    if by == "coils" and not rods:
+    if by != "thrusters" and not rods:
         raise DesatError(f"--dump {facts.dump}: --rods none leaves no coils")
     if by == "coils" and aligned:
         raise DesatError(f"--dump {facts.dump}: aligned is for thrusters only")
-    if by == "thrusters" and thrusters is None:
+    if by != "coils" and thrusters is None:
         raise DesatError(
             f"--dump {facts.dump}: --thrusters says which, as --thrusters '4 1N'"
         )
     torque, sample = 0.5 * wheels.torque_si, 10.0
     origin = "half of what the wheels give"
-    if thrusters is not None and by == "thrusters":
+    if thrusters is not None and by != "coils":
         if float(thrusters["torque_si"]) < torque:
             torque, origin = float(thrusters["torque_si"]), "what a pair gives"
         momentum = 8.0 * inertia * DEVIATION
@@ -1103,15 +1111,15 @@ def _rule(text: str, capacity: float) -> DumpRule:
     Raises DesatError for another form.
     """
     text, windows = windows_of(text)
-    if match := re.fullmatch(r"\s*thrusters\s+every\s+(\S+)\s*", text):
-        return DumpRule(*CALENDAR, "thrusters", False, PERIOD(match[1]), windows)
+    if match := re.fullmatch(r"\s*(thrusters|both)\s+every\s+(\S+)\s*", text):
+        return DumpRule(*CALENDAR, match[1], False, PERIOD(match[2]), windows)
     match = re.fullmatch(
         r"\s*(\w+)\s+([\d.]+)\s*(m?Nms)?\s*:\s*([\d.]+)\s*(%|m?Nms)?(\s+aligned)?\s*",
         text,
     )
     if match is None or match[1] not in DUMPERS:
         raise DesatError(
-            f"--dump {text}: the form is thrusters BEGIN:END or coils BEGIN:END, in % of a wheel's "
+            f"--dump {text}: the form is thrusters, coils or both BEGIN:END, in % of a wheel's "
             "capacity, as 'thrusters 70:10', or in momentum, as 'thrusters 1.8Nms:0'; of thrusters "
             "aligned may follow; or 'thrusters every 7d'; of each `within FILE.csv` or "
             "`outside FILE.csv`"

@@ -33,7 +33,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from desat.components.bases.dumping import DUMPING
-from desat.components.blocks.manager_threshold import ManagerThreshold
 
 from ..analyses import attitude_loop, unmanaged_orbit, wheels
 from ..analyses.flight import (
@@ -66,7 +65,7 @@ from ..system.errors import DesatError
 from ..system.expression import factor
 from ..system.model import System
 from ..system.options import Options
-from ..system.parameters import bare_block, unit_of
+from ..system.parameters import unit_of
 from ..system.typed import JsonObject
 from .changes import would_do
 from .compatibility import terms_of
@@ -74,6 +73,7 @@ from .intervals import (
     MOST_DRAWS,
     SEED,
     AssumptionShare,
+    CraftDraws,
     Interval,
     describe_interval,
     describe_width,
@@ -102,6 +102,7 @@ from .propellant import YEAR, DumpCost, ThrusterCost, thruster_cost
 from .requirements import SizingRequirements
 from .rods import find_rods_of_laws, other_laws, round_up
 from .scenarios import closed_loop_only, doubts, find_worst_scenario
+from .threshold import COILS, ThresholdLaw, threshold_law
 from .year import YearDate, days_of_year
 
 Array = NDArray[Any]
@@ -283,6 +284,8 @@ class DumpSizing:
     within: DumpRates | None = None
     change: str = ""  # the smallest one with which it would hold, as a sentence
     mass: float = 0.0  # kg; 0: unknown
+    # share (1) of the disturbances' momentum that coils take; None: they do not work
+    coil_share: float | None = None
     intervals: tuple[Interval, ...] = ()  # over what is not known for sure
     assumptions: tuple[
         AssumptionShare, ...
@@ -326,7 +329,10 @@ class DumpSizing:
                 f"{self.target} cannot hold: {self.problems[0]}.{self.change}{gravity}"
             )
         if self.steady.interval == inf:
-            return f"{self.target}: its wheels never come to {self.begin:.4g} N m s: no dump."
+            return (
+                f"{self.target}: its wheels never come to {self.begin:.4g} N m s: no dump."
+                f"{self._about_rods()}"
+            )
         each = f"{1e3 * self.steady.propellant:.3g} g each"
         text = f"{describe_margins(self.target, self.margins)}. It {self._gains()}"
         text += (
@@ -365,6 +371,8 @@ class DumpSizing:
         if self.rods is None:
             return ""
         rods = f" Its rods of {self.rods.has:.4g} A m2"
+        if self.coil_share is not None:
+            rods += f" take {100.0 * self.coil_share:.3g} % of the momentum; they"
         if self.rods.needed is None:
             return f"{rods} do not suffice alone: none would."
         needs = f"{self.rods.law} needs {self.rods.needed:.3g} A m2"
@@ -379,7 +387,7 @@ def applies(system: System) -> bool:
     return (
         manager is not None
         and manager.model == LAW
-        and (manager.choice("by") == "thrusters")
+        and (manager.choice("by") != "coils")
     )
 
 
@@ -399,7 +407,7 @@ def size(
     options: Options,
     requirements: SizingRequirements | None = None,
     progress: Callable[[str], None] = lambda text: None,
-    sized: Callable[[DumpSizing], None] = lambda sizing: None,
+    tell: Callable[[str], None] = lambda text: None,
 ) -> DumpSizing:
     """Size dumps by thrusters.
 
@@ -411,8 +419,8 @@ def size(
         Requirements beside the scenario's.
     progress
         Called with a text for each stage of the work.
-    sized
-        Called with the sizes before the closed loop flies.
+    tell
+        Called with the answer of the sizes before the closed loop flies.
 
     Raises
     ------
@@ -430,8 +438,8 @@ def size(
     if lines := list(unmanaged_orbit.dump_problems(system)):
         raise DesatError("\n".join(lines))
     hardware, values = hardware_of(system), values_of(system)
-    law = _law_of(system)
-    cost = _cost_of_thrusters(target, system, hardware, requirements)
+    law = threshold_law(system)
+    cost = cost_of_thrusters(target, system, hardware, requirements)
     attitude = wanted_attitude(system)
     progress("the days of the scenario")
     flight = fly_days(system, attitude)
@@ -448,7 +456,7 @@ def size(
     thresholds = tuple(_rates_by_threshold(flight, hardware, law, cost))
     is_wanted = requirements.year and float(np.linalg.norm(flight.r[0])) < BEYOND
     year, each = (
-        _days_of(system, hardware, attitude, rates_in, progress)
+        _days_of(system, hardware, attitude, law, rates_in, progress)
         if is_wanted
         else ([], [])
     )
@@ -482,6 +490,7 @@ def size(
         **_over_year(year, each, steady),
         thresholds=thresholds,
         course=course,
+        coil_share=_coil_share(flight, whole_run, hardware, law),
         mass=0.0 if system.body is None else system.body.mass,
     )
     notes = [*doubts(system), *closed_loop_only(system, options)]
@@ -498,7 +507,7 @@ def size(
     sizing = _judge(system, sizing, (), requirements)
     if not (requirements.flown and (steady.first < window or options.stop is not None)):
         return sizing
-    sized(sizing)
+    tell(sizing.answer)
     flights = _lengths_of_flights(system, options, window, steady, whole_run)
     causes = list(_causes(system, law, hardware))
     loop, unmet = _fly_loops(target, options, flights, causes, progress)
@@ -507,6 +516,22 @@ def size(
         system, replace(sizing, loop=loop, within=within or steady), unmet, requirements
     )
     return replace(sizing, notes=(*notes, *_notes(sizing, requirements)))
+
+
+def _coil_share(
+    flight: Flight, whole_run: Flight | None, hardware: Hardware, law: ThresholdLaw
+) -> float | None:
+    """Return the share (1) of the disturbances' momentum that coils take.
+
+    It is along that momentum, over the flight through the dumps or, without one, over
+    days that repeat. None where no coils work.
+    """
+    of = flight if whole_run is None else whole_run
+    (along,) = law.with_coils([of], hardware, whole_run is None)
+    if COILS not in along.sources:
+        return None
+    impulse = of.disturbance[-1] - of.disturbance[0]
+    return float(-along.sources[COILS][-1] @ impulse / max(impulse @ impulse, 1e-300))
 
 
 def _rates_within(
@@ -522,6 +547,7 @@ def _rates_within(
     """
     if flight is None:
         return None
+    (flight,) = law.with_coils([flight], hardware, False)
     dumps = [
         x
         for x in _course(flight, hardware, law, 1.0, 0, False, 10 * MANY)
@@ -532,7 +558,9 @@ def _rates_within(
     between = (dumps[-1].time - dumps[0].time) / (len(dumps) - 1)
     momentum = float(np.mean([np.linalg.norm(x.body) for x in dumps]))
     each = _mean_cost(cost, [x.body for x in dumps])
-    return DumpRates(dumps[0].time, between, momentum, *each, law.fullest(dumps))
+    return DumpRates(
+        dumps[0].time, between, momentum, *each, law.fullest([x.fill for x in dumps])
+    )
 
 
 def _judge(
@@ -692,10 +720,11 @@ def _intervals(
         each = _mean_cost(cost, [x.body for x in course])
         return between, each.propellant * YEAR / between
 
-    count = len(along.impulses)
-    between, propellant = follow(along, rates, _fills(system, count))
+    fills = _fills(system, len(along.impulses))
+    along = _with_coils(along, flights, hardware, law, fills)
+    between, propellant = follow(along, rates, fills)
     for name in ("arm", "specific_impulse"):
-        propellant = propellant / _shares(system, f"thrusters.{name}", count)
+        propellant = propellant / _shares(system, f"thrusters.{name}", len(fills))
     times, mass = rates(along.flight)
     steady = sizing.steady
     if times < inf and steady.interval < inf:
@@ -716,6 +745,32 @@ def _intervals(
         ),
     )
     return rows, draws.assumptions
+
+
+def _with_coils(
+    along: CraftDraws,
+    flights: tuple[Flight, Flight],
+    hardware: Hardware,
+    law: ThresholdLaw,
+    fills: Array,
+) -> CraftDraws:
+    """Return draws along a flight with what the coils take in each of them.
+
+    It is integrated at all rows of the flight, which has more than the draws.
+    """
+    if law.gain == 0.0:
+        return along
+    base, times = flights[1], along.flight.times
+    every = [base.disturbance, *along.impulses_at(base.times)]
+    each = [replace(base, disturbance=x) for x in every]
+    is_repeated = base is flights[0]
+    with_theirs = law.with_coils(each, hardware, is_repeated, [1.0, *fills.tolist()])
+    nominal, *impulses = (
+        np.stack([np.interp(times, x.times, y) for y in x.disturbance.T], axis=1)
+        for x in with_theirs
+    )
+    flight = replace(along.flight, disturbance=nominal)
+    return replace(along, impulses=np.stack(impulses), flight=flight)
 
 
 def _fills(system: System, count: int) -> Array:
@@ -767,7 +822,7 @@ def _mean_cost(cost: ThrusterCost, every: list[Array]) -> DumpCost:
     return DumpCost(*np.mean([cost.of_dump(u) for u in every], axis=0).tolist())
 
 
-def _cost_of_thrusters(
+def cost_of_thrusters(
     target: str, system: System, hardware: Hardware, requirements: SizingRequirements
 ) -> ThrusterCost:
     """Return what thrusters take.
@@ -910,68 +965,6 @@ def _fly_loops(
     return dict(_numbers_of(run)), [f"{line}{likely}" for line in unmet]
 
 
-class ThresholdLaw(NamedTuple):
-    """A law that dumps between thresholds, with the values of its manager."""
-
-    begin: float  # N m s, fill at which a dump begins
-    end: float  # N m s
-    target: Array  # (3,) N m s, body: desired sum of the wheels' momentum
-    of_wheels: bool  # the fill is that of the fullest wheel, not of their sum
-    pulse: float  # N m s, shortest pulse of the axis where it is largest
-    sample_time: float  # s
-    aligned: float  # |h|_1 / |h| up to which a dump begins; 0: it does not wait
-    longest_wait: float  # s
-    latest: float  # N m s, fill from which on no dump waits; inf: there is none
-    period: float  # s, between dumps by the calendar; inf: there is none
-    block: ManagerThreshold  # the manager's block, set to dump at once
-    windows: ManagerThreshold | None  # the same with its windows; None: it has none
-
-    def next_open(self, t: float) -> float:
-        """Return the first time (s), `t` or later, at which a dump may be; inf: none."""
-        return t if self.windows is None else self.windows.next_open(t)
-
-    def fullest(self, dumps: Sequence[Dump]) -> float:
-        """Return the largest fill (N m s) at which dumps begin: `begin` if none waits."""
-        if self.aligned == 0.0 and self.windows is None:
-            return self.begin
-        return max(x.fill for x in dumps)
-
-    def at_fill(self, share: float) -> ThresholdLaw:
-        """Return the law with all its thresholds at a share of its own."""
-        begin, end, latest = (share * x for x in (self.begin, self.end, self.latest))
-        return self._replace(begin=begin, end=end, latest=latest)
-
-
-def _law_of(system: System) -> ThresholdLaw:
-    """Return the law of a system's manager."""
-    manager = system.components["manager"]
-    block, values = bare_block(manager), manager.values
-    block.aligned, block.delay, block.wheel_sample_time = 0.0, 0.0, 0.0
-    block.latest = block.period = 0.0
-    block.check()
-    assert isinstance(block, ManagerThreshold)
-    windows = None
-    if any(values["windows"]):
-        windows = bare_block(manager)
-        assert isinstance(windows, ManagerThreshold)
-        windows.start()
-        block.windows = (0.0,) * len(block.windows)
-    return ThresholdLaw(
-        begin=float(values["begin"]),
-        end=float(values["end"]),
-        target=np.array(values["h_target_body"], float),
-        of_wheels=manager.choice("fill") == "wheels",
-        pulse=max(values["pulse_body"]),
-        sample_time=float(values["sample_time"]),
-        aligned=float(values["aligned"]),
-        longest_wait=float(values["longest_wait"]),
-        latest=float(values["latest"]) or inf,
-        period=float(values["period"]) or inf,
-        block=block,
-        windows=windows,
-    )
-
-
 def _causes(system: System, law: ThresholdLaw, hardware: Hardware) -> Iterator[str]:
     """Yield likely causes of requirements that the closed loop misses, as text."""
     kick = law.pulse * law.sample_time
@@ -1105,6 +1098,7 @@ def rates_of(
     A flight without `interval` is repeated as it is. One with an `interval` (s) goes
     through all dumps, which are its own; the courses begin within the first interval.
     """
+    (flight,) = law.with_coils([flight], hardware, interval == 0.0)
     parts = np.linspace(-APART, APART, WAYS)
     last = len(flight.q) - 1
     if interval > 0.0:
@@ -1139,7 +1133,7 @@ def rates_of(
         seconds / count if count else inf,
         momentum,
         *each_takes,
-        law.fullest(rates or each[0]),
+        law.fullest([x.fill for x in rates or each[0]]),
         min(least, each_takes.propellant),
         min(weekly, default=0.0),
         max(weekly, default=0.0),
@@ -1158,16 +1152,18 @@ def _days_of(
     system: System,
     hardware: Hardware,
     attitude: Attitude,
+    law: ThresholdLaw,
     rates_in: Callable[[Flight], DumpRates],
     progress: Callable[[str], None],
 ) -> tuple[list[YearDate], list[DumpRates]]:
     """Return the days of a year, and the rates of dumps if each of them lasted."""
     progress("the days of a year")
-    dates, rates = [], []
+    dates, flights = [], []
     for date, there in days_of_year(system, hardware, attitude, own_day=True):
-        rates.append(rates_in(flown_at(system, attitude, *there)))
+        flights.append(flown_at(system, attitude, *there))
         dates.append(date)
-    return dates, rates
+    flights = law.with_coils(flights, hardware, True)
+    return dates, [rates_in(x) for x in flights]
 
 
 def _rates_by_threshold(
@@ -1198,6 +1194,7 @@ def _course_of_fill(
     flight: Flight, hardware: Hardware, law: ThresholdLaw
 ) -> DumpCourse:
     """Compute the fill of the wheels along a flight through all its dumps."""
+    (flight,) = law.with_coils([flight], hardware, False)
     dumps = list(_course(flight, hardware, law, 1.0, 0, False, 10 * MANY))
     times = flight.times - flight.times[0]
     begun = np.array([x.time for x in dumps])
@@ -1330,7 +1327,7 @@ class _WheelCourse:
             return np.asarray(times >= self._opens)
         due = fill >= self._begin
         if law.period < inf:
-            due |= _is_due(times, self._calendar, law) & (fill > law.end)
+            due |= law.is_calendar(times) & (times >= self._calendar) & (fill > law.end)
         return np.asarray(due)
 
     def _repeat(self, momentum: Array, fill: Array, dumps: int) -> bool:
@@ -1387,12 +1384,6 @@ def _course(
         if dump is None:
             return
         yield dump
-
-
-def _is_due(times: Array, since: float, law: ThresholdLaw) -> Array:
-    """Return the rows (n,) at times (s) where the calendar has a dump, from `since` on."""
-    count = np.floor(times / law.period)
-    return (np.diff(count, prepend=count[0] - 1.0) > 0.0) & (times >= since)
 
 
 def _taken(

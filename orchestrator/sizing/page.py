@@ -20,6 +20,7 @@ from ..figures.style import (
     figure,
     time_axis,
 )
+from ..numbers.text import format_momenta
 from ..report.cases import tabulate_margins
 from ..report.report import figures_of, render, write_page
 from ..report.table import Table
@@ -28,6 +29,7 @@ from .dumps import DumpSizing
 from .map import SizingMap
 from .margins import tabulate_spread
 from .result import Sizing
+from .trade import DumpMap
 
 # colours from the smallest to the largest rod of a map
 SHADES = ("#fdf3c0", "#f6d36b", "#7ecb8f", "#35a3a0", "#2a6fb0", "#33307e", "#1a1037")
@@ -149,11 +151,66 @@ def write_map(sizing_map: SizingMap, path: Path) -> Path:
         tables.tabulate_least_rods(sizing_map, d)
         for d in range(len(sizing_map.axes.dipoles))
     ]
+    needs = sizing_map.requirements
+    return _write_map(
+        path,
+        f"Rods by orbit and residual dipole: {sizing_map.target}",
+        "A day at each orbit, by the model of the momentum alone; a cell is the smallest rod of "
+        f"the map that holds with a duty of {100.0 * needs.duty:g} %, {needs.margin:g} times the "
+        "least rod and no wheel full.",
+        figures,
+        tables_shown,
+        heading="The least rod, any law, A m2",
+        notes=sizing_map.notes,
+    )
+
+
+def write_dump_map(dump_map: DumpMap, path: Path) -> Path:
+    """Write the page of a map of dumps and return its path.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    figures = [
+        (
+            "Dumps a week over the share of a wheel at which they begin",
+            _dump_lines(dump_map, "a_week", "dumps a week"),
+        ),
+        (
+            "Propellant a year",
+            _dump_lines(dump_map, "a_year", "propellant\n[kg a year]"),
+        ),
+    ]
+    return _write_map(
+        path,
+        f"Dumps by wheels and thresholds: {dump_map.target}",
+        "The scenario's day as if it lasted, by the model of the momentum alone; mass and "
+        "inertia of other wheels are not counted.",
+        figures,
+        [tables.tabulate_dump_map(dump_map)],
+    )
+
+
+def _write_map(
+    path: Path,
+    title: str,
+    about: str,
+    figures: Sequence[tuple[str, Figure]],
+    tables_shown: Sequence[Table],
+    heading: str = "",
+    notes: Sequence[str] = (),
+) -> Path:
+    """Write the page of a map and return its path."""
     path.parent.mkdir(parents=True, exist_ok=True)
     text = render(
         "sizing_map.html",
-        made=sizing_map,
+        title=title,
+        about=about,
+        heading=heading,
         tables=tables_shown,
+        notes=notes,
         versions=versions(),
         **figures_of(figures),
     )
@@ -365,6 +422,29 @@ def _thresholds(sizing: DumpSizing, key: str, label: str) -> Figure:
     )
     ax.x.label = axis_label("momentum at which dumps begin", unit, 9.0)
     ax.y.label, ax.y.low = label, 0.0
+    return fig
+
+
+def _dump_lines(dump_map: DumpMap, key: str, label: str) -> Figure:
+    """Draw a rate of dumps over the threshold (%), a line for each wheel and rod."""
+    fig, ax = figure(2.4)
+    kinds = dict.fromkeys((x.wheel, x.rod) for x in dump_map.cells)
+    for k, (wheel, rod) in enumerate(kinds):
+        cells = [
+            x
+            for x in dump_map.cells
+            if (x.wheel, x.rod) == (wheel, rod) and x.a_week == x.a_week
+        ]
+        rods = f", rods of {rod:.3g} A m2" if dump_map.has_rods else ""
+        ax.plot(
+            [100.0 * x.begin / x.wheel for x in cells],
+            [getattr(x, key) for x in cells],
+            COLOURS[k % len(COLOURS)],
+            width=1.5,
+            marker=4.0,
+            label=f"wheels of {format_momenta(wheel)}{rods}",
+        )
+    ax.x.label, ax.y.label, ax.y.low = "a dump begins at [% of a wheel]", label, 0.0
     return fig
 
 

@@ -99,6 +99,7 @@ def size(
     options: Options,
     requirements: SizingRequirements | None = None,
     progress: Callable[[str], None] = lambda text: None,
+    tell: Callable[[str], None] = lambda text: None,
 ) -> Sizing:
     """Size wheels and rods of a craft for the attitude, orbit and law of a scenario.
 
@@ -110,6 +111,8 @@ def size(
         Requirements beside the scenario's.
     progress
         Called with a text for each stage of the work.
+    tell
+        Called with the rods by the model before the closed loop flies with them.
 
     Raises
     ------
@@ -155,6 +158,12 @@ def size(
     if by_share != by_year:
         title = f"{intervals.MOST_DRAWS}, that day"
         conditions.append(RodsByCondition(title, {law: by_share}))
+    if law:
+        needs = "no rods do" if by_share is None else f"{by_share:.3g} A m2"
+        tell(
+            f"{target} by the model: {least:.3g} A m2 is the least rod of any law; {law} needs "
+            f"{needs} on the worst day; it has {hardware.m_limit:.4g} A m2"
+        )
     recommended = by_share
     unmet: list[str] = []
     worst = find_worst_scenario(source) if requirements.flown else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from math import inf
+from math import inf, isnan
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from .momentum import SourceShare
 from .propellant import YEAR
 from .result import Sizing
 from .rods import SizingPoint
+from .trade import DumpMap
 from .year import YearDate
 
 QUANTITIES = (
@@ -292,6 +293,7 @@ def tabulate_dumps(sizing: DumpSizing) -> Table:
             "kg",
         ),
         ("momentum of a day", sizing.a_day, None, "N.m.s"),
+        *_share_of_coils(sizing),
         ("largest pointing error", None, loop.get("pointing_largest"), "deg"),
         (
             "capacity for one dump a week",
@@ -310,6 +312,12 @@ def tabulate_dumps(sizing: DumpSizing) -> Table:
         rows.append(("slew: momentum of the fullest wheel", momentum, None, "N.m.s"))
         rows.append(("slew: torque of that wheel", torque, None, "N.m"))
     return Table("Dumps", columns, rows, is_scaled=True)
+
+
+def _share_of_coils(sizing: DumpSizing) -> Iterator[Row]:
+    """Yield what the coils take of a day's momentum, where they work between dumps."""
+    if sizing.coil_share is not None:
+        yield "share of it that the rods take", 100.0 * sizing.coil_share, None, "%"
 
 
 def _net_force(sizing: DumpSizing) -> Iterator[Row]:
@@ -394,6 +402,31 @@ def tabulate_map(sizing: SizingMap, law: int) -> Table:
                 cells.append(holding[0] if holding else "-")
             rows.append((dipole, altitude / 1e3, *cells))
     return Table(describe_map(sizing, sizing.laws[law]), columns, rows)
+
+
+def tabulate_dump_map(dump_map: DumpMap) -> Table:
+    """Tabulate the dumps of a map over wheels, thresholds and rods."""
+    columns = [
+        Column("wheels", "N.m.s", ".4g"),
+        Column("dumps begin at", "N.m.s", ".4g"),
+        Column("of a wheel", "%", ".3g"),
+        *([Column("rods", "A.m2", ".3g")] if dump_map.has_rods else []),
+        Column("dumps a week", "1", ".3g"),
+        Column("propellant a year", "kg", ".3g"),
+        *(Column(f"tank for {x:g} years", "kg", ".3g") for x in dump_map.years),
+        *([Column("its tank lasts", "years", ".3g")] if dump_map.tank else []),
+    ]
+    rows: list[Row] = []
+    for cell in dump_map.cells:
+        share, rods = 100.0 * cell.begin / cell.wheel, [cell.rod] * dump_map.has_rods
+        tanks = [x * cell.a_year for x in dump_map.years]
+        if dump_map.tank:
+            tanks.append(dump_map.tank / cell.a_year if cell.a_year > 0.0 else inf)
+        numbers = [cell.a_week, cell.a_year, *tanks]
+        refusal = ["a pulse is too coarse"] + [""] * (len(numbers) - 1)
+        cells = refusal if isnan(cell.a_week) else numbers
+        rows.append((cell.wheel, cell.begin, share, *rods, *cells))
+    return Table("Dumps by wheels and thresholds", columns, rows)
 
 
 def tabulate_least_rods(sizing: SizingMap, dipole: int) -> Table:

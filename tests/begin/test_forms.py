@@ -333,6 +333,8 @@ def test_each_form_of_the_page_is_taken(form, tmp_path, desat):
     facts = {"--mass": "600kg", "--box": "1.2,1.2,1.8"}
     if option in ("--thrusters", "--dump", "--arm", "--orbit", "--sun", "--altitude"):
         facts |= {"--thrusters": "4 1N", "--dump": "thrusters 70:10", "--rods": "none"}
+    if "both" in value:
+        facts["--rods"] = "5"
     if value.endswith("mNms"):
         facts |= {"--mass": "20kg", "--box": "0.2,0.2,0.3"}
     facts[option] = value

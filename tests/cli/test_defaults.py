@@ -63,7 +63,7 @@ def test_other_laws_than_the_crafts_by_default_but_of_maps(
     monkeypatch.setattr(
         sizing,
         "size",
-        lambda target, options, wishes, progress: (
+        lambda target, options, wishes, progress, tell: (
             requests.update(laws=wishes.laws) or result
         ),
     )

@@ -5,6 +5,7 @@ its closed loop."""
 from __future__ import annotations
 
 import itertools
+import json
 import re
 import signal
 import time
@@ -15,6 +16,7 @@ import numpy as np
 import pytest
 
 from desat.analyses import lower_bound
+from desat.analyses.flight import flight_of
 from desat.begin.craft import write
 from desat.begin.facts import CraftFacts
 from desat.components.blocks.manager_threshold import ManagerThreshold
@@ -22,11 +24,12 @@ from desat.components.blocks.thrusters import Thrusters
 from desat.components.contract.block import BlockError
 from desat.components.laws import least_firing
 from desat.engine import loop
+from desat.numbers.derived import coil_impulse
 from desat.numbers.measures import growth_between
 from desat.report.run_tables import tabulate_numbers
 from desat.runs.checking import check
 from desat.runs.prepare import prepare
-from desat.runs.run import execute
+from desat.runs.run import execute, simulate
 from desat.sizing import dumps, page
 from desat.sizing.dumps import size as size_dumps
 from desat.sizing.requirements import SizingRequirements
@@ -343,7 +346,7 @@ def test_a_craft_with_rods_and_thrusters_is_told_which_suffices(
     dump = ["--thrusters", "4 50mN", "--dump", "thrusters 70:10"]
     done = desat(*command, *dump, cwd=tmp_path, check=True)
     assert re.search(r"momentum is removed by +thrusters alone", done.stdout)
-    assert "without it the rods would" in done.stdout
+    assert "'both 70:10' lets the rods take what they can" in done.stdout
     found = size_dumps(
         str(tmp_path / "c"), Options(), SizingRequirements(flown=False, year=False)
     )
@@ -352,6 +355,77 @@ def test_a_craft_with_rods_and_thrusters_is_told_which_suffices(
     assert 0.02 < found.rods.needed < 0.2
     text = "suffice alone (" if suffice else "do not suffice alone: "
     assert f"Its rods of {rods} A m2 {text}" in found.answer
+
+
+BOTH = CraftFacts(
+    size="12U",
+    altitude="500km",
+    inclination="51.6deg",
+    thrusters="4 10mN",
+    rods="0.004Am2",
+    dump="both 70:10",
+    residual_dipole="0.1Am2",
+)
+
+
+@pytest.mark.parametrize(
+    ("changes", "days"),
+    [
+        ({}, 4),
+        pytest.param({"dump": "both every 1d"}, 6, marks=pytest.mark.slow),
+        pytest.param({"rods": "0.006Am2"}, 8, marks=pytest.mark.slow),
+        pytest.param({"pointing": "sun", "rods": "0.01Am2"}, 5, marks=pytest.mark.slow),
+    ],
+)
+def test_thrusters_dump_what_rods_leave_as_it_flies(tmp_path, changes, days):
+    write(tmp_path / "mine", replace(BOTH, **changes), "")
+    craft = str(tmp_path / "mine")
+    sizing = size_dumps(
+        craft, Options(stop=86400.0 * days), SizingRequirements(year=False)
+    )
+    assert sizing.loop["dumps"] > 3
+    assert sizing.loop["dumps_a_week"] == pytest.approx(sizing.steady.a_week, rel=0.05)
+    assert sizing.loop["propellant_a_year"] == pytest.approx(
+        sizing.steady.a_year, rel=0.05
+    )
+    case = prepare(craft, Options(stop=86400.0 * days))
+    with simulate(case).or_raise(craft).results as series:
+        flight = flight_of(case.or_raise()[0], series)
+        dipole = series.values("torquers.m_mean_body")
+    coils = coil_impulse(flight.times, flight.b, flight.q, dipole[: len(flight.q) - 1])
+    impulse = flight.disturbance[-1]
+    of_coils = -(coils[-1] @ impulse) / (impulse @ impulse)
+    assert sizing.coil_share == pytest.approx(of_coils, abs=0.05)
+    assert 0.1 < of_coils < 0.9
+    share = f"A m2 take {100.0 * sizing.coil_share:.3g} % of the momentum"
+    assert share in sizing.answer
+
+
+def test_rods_that_suffice_leave_the_thrusters_nothing(tmp_path):
+    write(tmp_path / "mine", replace(BOTH, rods="0.1Am2"), "")
+    craft = size_dumps(
+        str(tmp_path / "mine"), Options(), SizingRequirements(flown=False, year=False)
+    )
+    assert craft.steady.a_week == 0.0
+    assert craft.coil_share == pytest.approx(1.0, abs=0.01)
+    assert "no dump. Its rods of 0.1 A m2 take 100 % of the momentum" in craft.answer
+
+
+def test_coils_work_all_the_time_beside_thrusters():
+    block = law(by=2, m_limit=0.5, gain=1e-3, fill=1)
+    block.b_body = (0.0, 3e-5, 0.0)
+    block.h_wheel = (0.5, 0.0, 0.3, 0.0)
+    block.advance(0.0, 10.0)
+    m = np.clip(1e-3 * np.cross([0.5, 0.0, 0.3], block.b_body) / 9e-10, -0.5, 0.5)
+    assert block.m_cmd_body == pytest.approx(tuple(m))
+    assert block.tau_cmd_thruster_body == (0.0, 0.0, 0.0)
+    assert block.mode == 0
+    block.h_wheel = (0.5, 0.0, 3.0, 0.0)
+    block.advance(10.0, 10.0)
+    assert block.mode == 1
+    assert any(block.m_cmd_body)
+    assert np.linalg.norm(block.tau_cmd_thruster_body) == pytest.approx(0.01)
+    assert block.dumped == pytest.approx(0.1)
 
 
 @pytest.mark.slow
@@ -532,6 +606,53 @@ def test_the_pictures_of_a_sizing_are_of_its_numbers(sizing, tmp_path):
         assert caption in text
 
 
+def test_a_map_of_dumps_has_the_craft_itself_and_its_tank(tmp_path, desat):
+    write(tmp_path / "mine", replace(LOW, propellant="2kg"), "")
+    axes = ["--wheels", "0.3,0.6", "--thresholds", "50,70", "--years", "2,4"]
+    process = desat("size", "mine", "--map", *axes, "--json", cwd=tmp_path, check=True)
+    answer = json.loads(process.stdout)
+    craft = size_dumps(
+        str(tmp_path / "mine"), Options(), SizingRequirements(flown=False, year=False)
+    )
+    for cell in answer["cells"]:
+        assert cell["end"] == pytest.approx(0.1 * cell["wheel"])
+        assert cell["tanks"] == pytest.approx([2 * cell["a_year"], 4 * cell["a_year"]])
+    by_share = {round(t.begin, 9): t for t in craft.thresholds}
+    for cell in answer["cells"][:2]:  # the wheels that it has
+        same = by_share[round(cell["begin"], 9)]
+        assert (cell["a_week"], cell["a_year"]) == (same.a_week, same.a_year)
+    assert answer["cells"][2]["a_week"] < 0.7 * answer["cells"][0]["a_week"]
+    text = desat("size", "mine", "--map", *axes, cwd=tmp_path, check=True).stdout
+    assert "tank for 4 years" in text
+    assert "its tank lasts" in text
+    page = (tmp_path / "runs" / "size-map-mine.html").read_text()
+    assert "Dumps by wheels and thresholds: mine" in page
+    assert "wheels of 600 mN m s" in page
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--rods", "1"], "--rods: no rods work between its dumps; manager.by = both"),
+        (["--dipoles", "1"], "--dipoles: it is of coils, and this craft dumps by"),
+        (["--wheels", "0"], "--wheels 0: numbers above 0 are needed"),
+        (["--thresholds", "120"], "--thresholds 120: 1 to 100 % are covered"),
+    ],
+)
+def test_a_map_of_dumps_that_cannot_be_is_refused(tmp_path, desat, options, message):
+    write(tmp_path / "mine", LOW, "")
+    process = desat("size", "mine", "--map", *options, cwd=tmp_path)
+    assert process.returncode == 2
+    assert message in process.stderr
+
+
+def test_what_the_model_says_comes_before_the_loop(tmp_path, desat):
+    write(tmp_path / "mine", CraftFacts(size="12U", altitude="500km"), "")
+    lines = desat("size", "mine", "--no-year", cwd=tmp_path).stdout.splitlines()
+    assert re.match(r"sized: mine by the model: [\d.]+ A m2 is the least rod", lines[0])
+    assert lines[1].startswith("mine holds")
+
+
 @pytest.mark.slow
 def test_the_model_is_within_5_percent_of_the_closed_loop(tmp_path):
     """A craft in low orbit with thrusters alone, for it dumps often: 3 days, seven
@@ -581,9 +702,9 @@ def test_worst_of_a_geo_craft_is_sound(geo):
         ({"dump": "thrusters every 1s"}, "600 to 1e+08 s are covered"),
         (
             {"dump": "coils every 7d"},
-            "the form is thrusters BEGIN:END or coils BEGIN:END",
+            "the form is thrusters, coils or both BEGIN:END",
         ),
-        ({"dump": "sails 70:10"}, "the form is thrusters BEGIN:END or coils BEGIN:END"),
+        ({"dump": "sails 70:10"}, "the form is thrusters, coils or both BEGIN:END"),
         ({"dump": "coils 70:10"}, "--rods none leaves no coils"),
         ({"thrusters": None}, "--thrusters says which"),
         ({"orbit": "geos"}, "did you mean geo"),

@@ -83,6 +83,7 @@ REFUSED = {
     "size mine --map --slew 60/300": "--slew: a map has none of it",
     "size mine --map --no-year": "--year: a map has none of it",
     "size mine --rods 1": "--rods: it belongs to --map",
+    "size mine --map --wheels 1": "--wheels: it is of dumps by thrusters, and this craft has none",
     "tune mine manager.gain --for peak --between 1e-4,inf": "--between 1e-4,inf: numbers are",
     "tune mine manager.gain --for peak --between 1,1e309": "--between 1,1e309: a finite number",
     "compare mine mine --seed 3": "--seed: it goes with -n",

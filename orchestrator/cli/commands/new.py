@@ -90,7 +90,8 @@ def craft(
     dump: Annotated[
         str | None,
         typer.Option(
-            help='Between shares (%) of a wheel: "thrusters 70:10", "coils 70:10", or momenta: '
+            help='Between shares (%) of a wheel: "thrusters 70:10", "coils 70:10", "both 70:10" '
+            "(rods all the time, thrusters what they leave), or momenta: "
             '"thrusters 1.8Nms:0"; "thrusters 70:10 aligned": each waits for its cheapest '
             'attitude; by the calendar: "thrusters every 7d". Only at contacts, or never in an '
             'observation: "thrusters 70:10 within FILE.csv each 1d", "outside FILE.csv", of '

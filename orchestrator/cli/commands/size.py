@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from functools import partial
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import radians
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -20,7 +19,22 @@ if TYPE_CHECKING:
     from ...report.table import Table
     from ...sizing.dumps import DumpSizing
     from ...sizing.map import SizingMap
+    from ...sizing.requirements import SizingRequirements
     from ...sizing.result import Sizing
+    from ...sizing.trade import DumpMap
+    from ...system.options import Options
+
+# Options of a craft whose coils dump all the time, and of one that dumps by thrusters.
+_OF_COILS = (
+    "duty",
+    "margin",
+    "tip_off",
+    "laws",
+    "inclinations",
+    "altitudes",
+    "dipoles",
+)
+_OF_DUMPS = ("wheels", "thresholds", "years")
 
 
 @app.command(epilog=example("desat size my12u"))
@@ -78,7 +92,9 @@ def size(
     as_map: Annotated[
         bool,
         typer.Option(
-            "--map", help="A map over rods, inclinations, altitudes, dipoles."
+            "--map",
+            help="A map over rods, inclinations, altitudes, dipoles; of a craft that dumps by "
+            "thrusters over wheels, thresholds, rods and the years of a tank.",
         ),
     ] = False,
     rods: Annotated[
@@ -98,6 +114,20 @@ def size(
         typer.Option(
             metavar="A.M2,...", help="Of a map (default: by its residual one)"
         ),
+    ] = None,
+    wheels: Annotated[
+        str | None,
+        typer.Option(
+            metavar="N.M.S,...", help="Of a map of dumps (default: by its own)."
+        ),
+    ] = None,
+    thresholds: Annotated[
+        str | None,
+        typer.Option(metavar="%,...", help="Of a map of dumps (default: 30 to 90)."),
+    ] = None,
+    years: Annotated[
+        str | None,
+        typer.Option(metavar="N,...", help="Of a map of dumps (default: 5, 10, 15)."),
     ] = None,
     sets: o.Sets = None,
     sources: o.Sources = None,
@@ -119,23 +149,19 @@ def size(
     """
     from ...report.cases import keep_cases
     from ...sizing import dumps, sizing
-    from ...sizing import map as sizing_map
     from ...sizing import page as sizing_page
     from ...sizing.requirements import SizingRequirements
 
     options = o.options_of(sets, stop, None, "gauss_seidel", blocks, sources=sources)
     angle, seconds = _slew(slew)
     by_thrusters = dumps.is_of(target, options)
-    if by_thrusters:
-        o.refuse(
-            ctx,
-            "it is of coils, and this craft dumps by thrusters",
-            "duty",
-            "margin",
-            "tip_off",
-            "laws",
-            "as_map",
-        )
+    o.refuse(
+        ctx,
+        "it is of coils, and this craft dumps by thrusters"
+        if by_thrusters
+        else "it is of dumps by thrusters, and this craft has none",
+        *(_OF_COILS if by_thrusters else _OF_DUMPS),
+    )
     requirements = SizingRequirements(
         duty=duty / 100.0,
         margin=margin,
@@ -144,97 +170,120 @@ def size(
         tip_off=None if tip_off is None else radians(tip_off),
         arm=arm,
         specific_impulse=isp,
-        laws=laws is not False,
+        laws=laws is True if as_map else laws is not False,
         year=year,
         flown=loop,
     )
-    options_given = {
+    axes = {
         "rods": (quantities.RODS, rods),
         "inclinations": (quantities.INCLINATIONS, inclinations),
         "altitudes": (quantities.ALTITUDES, altitudes),
         "dipoles": (quantities.DIPOLES, dipoles),
+        "wheels": (quantities.WHEELS, wheels),
+        "thresholds": (quantities.THRESHOLDS, thresholds),
+        "years": (quantities.YEARS, years),
     }
     if as_map:
+        unused = ("slew", "tip_off", "year", "loop")
         o.refuse(
             ctx,
             "a map has none of it: leave --map out",
-            "slew",
-            "tip_off",
-            "arm",
-            "isp",
-            "year",
-            "loop",
+            *(unused if by_thrusters else (*unused, "arm", "isp")),
         )
     else:
-        o.refuse(ctx, "it belongs to --map", *options_given)
+        o.refuse(ctx, "it belongs to --map", *axes)
     page = (
         html or Path("runs") / f"size-{'map-' if as_map else ''}{name_of(target)}.html"
     )
-    result: Callable[[Path | None, bool], None]
-    craft_sizing: Sizing | DumpSizing | None = None
     to_page = page if html is not None or not as_json else None
     with stages(not as_json) as progress:
         if as_map:
             values = {
                 k: quantity.many(text) if text is not None else ()
-                for k, (quantity, text) in options_given.items()
+                for k, (quantity, text) in axes.items()
             }
-            values["altitudes"] = tuple(1e3 * x for x in values["altitudes"])
-            axes = sizing_map.MapAxes(**values, laws=laws is True)
-            found = sizing_map.map_of(
-                target, options, axes, requirements, jobs, progress
-            )
-            result = partial(_show, found, _print_map, sizing_page.write_map, ())
-        elif by_thrusters:
-            craft_sizing = dumps_sizing = dumps.size(
-                target, options, requirements, progress, _print_sized(as_json)
-            )
-            result = partial(
-                _show,
-                dumps_sizing,
-                _print_dumps,
-                sizing_page.write_dumps,
-                dumps_sizing.problems,
-            )
+            find = _map_of_dumps if by_thrusters else _map_of_rods
+            result = find(target, options, values, requirements, jobs, progress)
         else:
-            craft_sizing = rods_sizing = sizing.size(
-                target, options, requirements, progress
+            find_sizes = dumps.size if by_thrusters else sizing.size
+            tell = _print_sized if loop and not as_json else _say_nothing
+            sizes = find_sizes(target, options, requirements, progress, tell)
+            if to_page is not None:
+                keep_cases(to_page, sizes.as_json())
+            result = _Result(
+                sizes,
+                _print_dumps if by_thrusters else _print_sizing,
+                sizing_page.write_dumps if by_thrusters else sizing_page.write_sizing,
+                sizes.problems,
             )
-            result = partial(
-                _show,
-                rods_sizing,
-                _print_sizing,
-                sizing_page.write_sizing,
-                rods_sizing.problems,
-            )
-    if to_page is not None and craft_sizing is not None:
-        keep_cases(to_page, craft_sizing.as_json())
-    result(to_page, as_json)
+    _show(result, to_page, as_json)
 
 
-def _show(
-    sized: SizingMap | DumpSizing | Sizing,
-    show: Callable[[Any], None],
-    write: Callable[[Any, Path], Path],
-    problems: Sequence[str],
-    page: Path | None,
-    as_json: bool,
-) -> None:
-    """Print sizes by `show` or as JSON, and `write` their page where there is one.
+class _Result(NamedTuple):
+    """What a command has found, and how it is printed and written as a page."""
 
-    Exits with 1, and prints why, where there are problems: the craft cannot hold.
+    sizes: SizingMap | DumpMap | DumpSizing | Sizing
+    show: Callable[[Any], None]
+    write: Callable[[Any, Path], Path]
+    problems: Sequence[str] = ()  # why the craft cannot hold
+
+
+def _map_of_dumps(
+    target: str,
+    options: Options,
+    values: Mapping[str, tuple[float, ...]],
+    requirements: SizingRequirements,
+    jobs: int,
+    progress: Callable[[str], None],
+) -> _Result:
+    """Map the dumps of a craft over the values of its axes, in one process."""
+    from ...sizing import page, trade
+
+    names = ("wheels", "thresholds", "rods", "years")
+    axes = trade.DumpAxes(**{k: values[k] for k in names})
+    sizes = trade.map_of_dumps(target, options, axes, requirements, progress)
+    return _Result(sizes, _print_dump_map, page.write_dump_map)
+
+
+def _map_of_rods(
+    target: str,
+    options: Options,
+    values: Mapping[str, tuple[float, ...]],
+    requirements: SizingRequirements,
+    jobs: int,
+    progress: Callable[[str], None],
+) -> _Result:
+    """Map the rods of a craft over the values of its axes."""
+    from ...sizing import map as sizing_map
+    from ...sizing import page
+
+    axes = sizing_map.MapAxes(
+        rods=values["rods"],
+        inclinations=values["inclinations"],
+        altitudes=tuple(1e3 * x for x in values["altitudes"]),
+        dipoles=values["dipoles"],
+        laws=requirements.laws,
+    )
+    sizes = sizing_map.map_of(target, options, axes, requirements, jobs, progress)
+    return _Result(sizes, _print_map, page.write_map)
+
+
+def _show(result: _Result, page: Path | None, as_json: bool) -> None:
+    """Print sizes, or as JSON, and write their page where there is one.
+
+    Exits with 1, and prints why, where the craft cannot hold.
     """
     if as_json:
-        print_json(sized.as_json())
+        print_json(result.sizes.as_json())
     else:
-        show(sized)
+        result.show(result.sizes)
     if page is not None:
-        page_file = write(sized, page)
+        page_file = result.write(result.sizes, page)
         if not as_json:
             _print(page_file)
-    for line in problems:
+    for line in result.problems:
         err.print(f"it cannot hold: {line}", highlight=False, markup=False)
-    if problems:
+    if result.problems:
         raise typer.Exit(Exit.UNMET)
 
 
@@ -299,15 +348,13 @@ def _print_notes(notes: Iterable[str]) -> None:
         out.print(f"note: {line}", highlight=False, markup=False)
 
 
-def _print_sized(as_json: bool) -> Callable[[DumpSizing], None]:
-    """Return the function that prints the sizes before the closed loop has flown."""
+def _say_nothing(answer: str) -> None:
+    """Print nothing."""
 
-    def show(sizing: DumpSizing) -> None:
-        """Print the answer of the sizes."""
-        if not as_json:
-            out.print(f"sized: {sizing.answer}", highlight=False, markup=False)
 
-    return show
+def _print_sized(answer: str) -> None:
+    """Print what is known before the closed loop has flown."""
+    out.print(f"sized: {answer}", highlight=False, markup=False)
 
 
 def _print_dumps(sizing: DumpSizing) -> None:
@@ -327,6 +374,13 @@ def _print_dumps(sizing: DumpSizing) -> None:
         tables_shown.append(tables.tabulate_dump_extremes(sizing.year))
     _print_tables(tables_shown)
     _print_notes(sizing.notes)
+
+
+def _print_dump_map(dump_map: DumpMap) -> None:
+    """Print a map of dumps."""
+    from ...sizing import tables
+
+    _print_tables([tables.tabulate_dump_map(dump_map)])
 
 
 def _print_map(sizing_map: SizingMap) -> None:
