@@ -380,8 +380,12 @@ def _first(times: Array, there: NDArray[np.bool_]) -> float:
 
 @in_unit("%")
 def share_below(times: Array, values: Array, limit: float) -> float:
-    """The share of time and elements whose size is below a limit (%)."""
-    return float(100.0 * (np.abs(values) < limit).mean())
+    """The share of time and elements whose size is below a limit (%). Elements that
+    are zero all the time, as wheels that there are not, do not count.
+    """
+    there = np.reshape(values, (len(values), -1))
+    there = there[:, there.any(axis=0)]
+    return float(100.0 * (np.abs(there) < limit).mean()) if there.size else 0.0
 
 
 @in_unit("1")

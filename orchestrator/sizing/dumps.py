@@ -94,6 +94,7 @@ from .margins import (
 )
 from .momentum import (
     SourceShare,
+    compute_body_rate,
     compute_slew,
     shares_of,
     smallest_wheel_capacity,
@@ -284,6 +285,8 @@ class DumpSizing:
     within: DumpRates | None = None
     change: str = ""  # the smallest one with which it would hold, as a sentence
     mass: float = 0.0  # kg; 0: unknown
+    body_rate: float = inf  # rad/s, that wheels at rest take over; inf: no limit
+    end_speed: float | None = None  # rad/s, of the fullest wheel; None: unknown
     # share (1) of the disturbances' momentum that coils take; None: they do not work
     coil_share: float | None = None
     intervals: tuple[Interval, ...] = ()  # over what is not known for sure
@@ -490,6 +493,8 @@ def size(
         **_over_year(year, each, steady),
         thresholds=thresholds,
         course=course,
+        body_rate=compute_body_rate(hardware),
+        end_speed=_end_speed(system, hardware, law),
         coil_share=_coil_share(flight, whole_run, hardware, law),
         mass=0.0 if system.body is None else system.body.mass,
     )
@@ -516,6 +521,18 @@ def size(
         system, replace(sizing, loop=loop, within=within or steady), unmet, requirements
     )
     return replace(sizing, notes=(*notes, *_notes(sizing, requirements)))
+
+
+def _end_speed(system: System, hardware: Hardware, law: ThresholdLaw) -> float | None:
+    """Return the speed (rad/s) of the fullest wheel after a dump.
+
+    What it keeps against the others is in it. None where a wheel has no largest speed.
+    """
+    capacity = smallest_wheel_capacity(hardware)
+    limit = system.components["wheels"].values.get("speed_limit", inf)
+    if not (0.0 < capacity < inf and law.of_wheels):
+        return None
+    return float((law.end + _bias_of(system)) / capacity * limit)
 
 
 def _coil_share(

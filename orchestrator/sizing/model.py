@@ -94,18 +94,22 @@ def track_of(
     linearised = ask(law, flight, rows)
     q, b, times = flight.q[rows], flight.b[rows], flight.times[rows]
     each = [flight.disturbance[rows]] if disturbances is None else disturbances
-    halfway = (
-        q[:-1]
-        + q[1:] * np.where((q[:-1] * q[1:]).sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
-    )
+    # coils turn with the craft from one sample to the next
+    parts = slice(rows[-1] + 1)
+    before, after = flight.q[parts][:-1], flight.q[parts][1:]
+    signs = np.where((before * after).sum(axis=1) < 0.0, -1.0, 1.0)
+    halfway = before + after * signs[:, None]
     halfway /= np.linalg.norm(halfway, axis=1, keepdims=True)
-    mean_b = (b[:-1] + b[1:]) / 2.0
-    steps = np.diff(times)[:, None]
+    field = 0.5 * (flight.b[parts][:-1] + flight.b[parts][1:])
+    field *= np.diff(flight.times[parts])[:, None]  # T s
     push = [
-        cross(rotate_back(halfway, np.broadcast_to(a, (len(halfway), 3))), mean_b)
-        * steps
+        np.add.reduceat(
+            cross(rotate_back(halfway, np.broadcast_to(a, (len(halfway), 3))), field),
+            rows[:-1],
+        )
         for a in hardware.axes_coil.T
     ]
+    mean_b = (b[:-1] + b[1:]) / 2.0
     to_eci, body = from_body(q), flight.body[rows]
     return Track(
         times,

@@ -14,12 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from desat.components.laws.integrated import null_vector
+
 from ..analyses.flight import Flight, Hardware, secular
 from ..numbers.derived import rotate
 from .model import in_body_of
 from .requirements import SizingRequirements
 
 Array = NDArray[Any]
+BEYOND_ZERO = 1.2  # a bias over the swing of the fullest wheel
 
 
 @dataclass(frozen=True)
@@ -104,6 +107,27 @@ def compute_wheel_needs(
     rate = float(np.abs(along @ spread.T)[:, exists].max())
     remaining = float((capacity - wheel_momentum.max(axis=0)).min())
     return momentum_needed, inf if rate == 0.0 else float(since[-1]) + remaining / rate
+
+
+def compute_body_rate(hardware: Hardware) -> float:
+    """Compute the largest rate of the body (rad/s) that wheels at rest take over.
+
+    It is about the worst axis; inf: they have no limit.
+    """
+    each = np.linalg.norm(hardware.spread() @ hardware.inertia, axis=1)
+    works = hardware.capacity > 0.0
+    return float((hardware.capacity[works] / each[works]).min(initial=inf))
+
+
+def compute_bias(hardware: Hardware, swing: float) -> float:
+    """Compute the bias (N m s) with which no wheel passes zero; inf: none does.
+
+    `swing` (N m s) is what the fullest wheel comes to without it. The bias is that of
+    the wheel whose share is 1 (`manager.h_null`).
+    """
+    shares = np.abs(null_vector(tuple(np.ravel(hardware.axes_wheel).tolist())))
+    shares = shares[hardware.capacity > 0.0]
+    return BEYOND_ZERO * swing / float(shares.min()) if shares.all() else inf
 
 
 def compute_slew(

@@ -40,6 +40,7 @@ class Course(NamedTuple):
 
 
 # Cases, and beginnings of those in which what is assumed is at its end.
+SCENARIO_DAY = "the day of the scenario"
 WORST_DAY = "the worst day of the year"
 ENDS = "what is assumed at its ends"
 WHEEL_LOSS = "a wheel lost"
@@ -82,6 +83,9 @@ class Sizing:
     slew_torque: float  # N m, of that wheel, 4 I theta / T^2
     wheel_capacity: float  # N m s, of the smallest wheel; inf: no limit
     wheel_torque: float  # N m, limit of a wheel
+    body_rate: float  # rad/s, that wheels at rest take over; inf: no limit
+    # N m s, of the null space, with which no wheel passes zero; inf: none does
+    bias_needed: float
     # N m s, that a scenario's requirement allows of the smallest wheel; inf: no limit
     wheel_allowed: float
     duty_allowed: float  # 1, the same of the coils
@@ -236,7 +240,7 @@ class Sizing:
             return f"for {MOST_DRAWS}, on {WORST_DAY}"
         if self.worst_day:
             return f"the worst day of the year ({self.worst_day})"
-        return "the day of the scenario"
+        return SCENARIO_DAY
 
 
 def find_margins(
@@ -249,7 +253,7 @@ def find_margins(
     """
     capacity = sizing.wheel_allowed
     has_wheels = 0.0 < capacity < inf
-    day = "the day of the scenario"
+    day = SCENARIO_DAY
     rows = []
     if sizing.least < inf:
         rows.append(Margin(f"{day}, any law", "rods", sizing.least, sizing.rod, "A.m2"))

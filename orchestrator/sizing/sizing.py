@@ -51,6 +51,8 @@ from .law import OTHERS_STEP, Law, UnsuitedError, hold_of, law_of
 from .least_rod import compute_geometry, least_by_formula, least_by_programme, reach
 from .model import fly, track_of
 from .momentum import (
+    compute_bias,
+    compute_body_rate,
     compute_slew,
     compute_wheel_needs,
     cyclic_span,
@@ -62,6 +64,7 @@ from .requirements import SizingRequirements
 from .result import (
     ASSUMED_CASES,
     ENDS,
+    SCENARIO_DAY,
     WORST_DAY,
     Course,
     RodsByCondition,
@@ -216,6 +219,8 @@ def size(
         slew_torque=slew_torque,
         wheel_capacity=smallest_wheel_capacity(hardware),
         wheel_torque=hardware.torque_limit,
+        body_rate=compute_body_rate(hardware),
+        bias_needed=inf,
         wheel_allowed=_allowed(system, "largest_momentum", 1.0)
         * smallest_wheel_capacity(hardware),
         duty_allowed=_allowed(system, "coil_duty", requirements.duty),
@@ -265,7 +270,12 @@ def size(
     flights = _flights_of_cases(flight, hardest, uncertain, worst, options)
     courses = _fly_cases(flights, model, hardware)
     margins = find_margins(sizing, courses, time_to_detumble)
-    sizing = replace(sizing, margins=tuple(margins))
+    of_day = courses.get(SCENARIO_DAY)
+    swing = sizing.wheel_needed if of_day is None else of_day.wheel
+    swing -= max(map(abs, hardware.bias), default=0.0)
+    sizing = replace(
+        sizing, margins=tuple(margins), bias_needed=compute_bias(hardware, swing)
+    )
     axes, short = list(wheels.warnings(system)), find_problems(sizing)
     change = ""
     if (short or unmet) and not axes:
@@ -403,7 +413,7 @@ def _find_conditions(
 ) -> list[RodsByCondition]:
     """Return the smallest rods on the scenario's day and on the worst of the year."""
     of_day = {b.law: b.rod and round_up(b.rod) for b in best}
-    conditions = [RodsByCondition("the day of the scenario", of_day)]
+    conditions = [RodsByCondition(SCENARIO_DAY, of_day)]
     if hardest is None or not best:
         return conditions
     models = {law.name: law for law in laws}
@@ -424,7 +434,7 @@ def _flights_of_cases(
     options: Options,
 ) -> dict[str, Flight]:
     """Return the flights of the cases in which a craft has to hold."""
-    flights = {"the day of the scenario": flight}
+    flights = {SCENARIO_DAY: flight}
     if hardest is not None:
         flights[WORST_DAY] = hardest.flight
     if uncertain is not None:

@@ -11,7 +11,7 @@ from ..numbers.text import format_duration
 from ..report.table import ROW_UNIT, Cell, Column, Row, Table, share
 from .dumps import DumpSizing
 from .map import SizingMap
-from .momentum import SourceShare
+from .momentum import BEYOND_ZERO, SourceShare
 from .propellant import YEAR
 from .result import Sizing
 from .rods import SizingPoint
@@ -42,6 +42,8 @@ def tabulate_quantities(sizing: Sizing) -> Table:
             sizing.wheel_needed,
             "N.m.s",
         ),
+        _body_rate(sizing.body_rate),
+        *_bias(sizing),
         _duration("Time without dumping until a wheel is full", sizing.time_without),
         (
             "Smallest rod for any law (mean over the orbits)",
@@ -95,6 +97,24 @@ def tabulate_quantities(sizing: Sizing) -> Table:
         title = "The same, each dump at its cheapest attitude"
         rows.append(_propellant(title, sizing.propellant_least))
     return Table("Numbers", QUANTITIES, rows, has_header=False, is_scaled=True)
+
+
+def _body_rate(rate: float) -> tuple[str, float | str, str]:
+    """Return the row of the rate (rad/s) that wheels at rest take over."""
+    title = "largest body rate that wheels at rest take over, about any axis"
+    return (
+        (title, float(np.degrees(rate)), "deg/s") if rate < inf else (title, "any", "")
+    )
+
+
+def _bias(sizing: Sizing) -> Iterator[Row]:
+    """Yield the bias with which no wheel passes zero, where there is one."""
+    if sizing.bias_needed == inf:
+        return
+    over = sizing.bias_needed + sizing.bias_needed / BEYOND_ZERO > sizing.wheel_allowed
+    reason = "; more than they are allowed" if over else ""
+    title = f"Bias that is {BEYOND_ZERO:g} times the fullest wheel's swing: none passes zero{reason}"
+    yield title, sizing.bias_needed, "N.m.s"
 
 
 def _duration(title: str, seconds: float) -> Row:
@@ -294,6 +314,7 @@ def tabulate_dumps(sizing: DumpSizing) -> Table:
         ),
         ("momentum of a day", sizing.a_day, None, "N.m.s"),
         *_share_of_coils(sizing),
+        *_wheels_of_dumps(sizing),
         ("largest pointing error", None, loop.get("pointing_largest"), "deg"),
         (
             "capacity for one dump a week",
@@ -312,6 +333,15 @@ def tabulate_dumps(sizing: DumpSizing) -> Table:
         rows.append(("slew: momentum of the fullest wheel", momentum, None, "N.m.s"))
         rows.append(("slew: torque of that wheel", torque, None, "N.m"))
     return Table("Dumps", columns, rows, is_scaled=True)
+
+
+def _wheels_of_dumps(sizing: DumpSizing) -> Iterator[Row]:
+    """Yield what the wheels turn at after a dump, and the rate that they take over."""
+    title, rate, unit = _body_rate(sizing.body_rate)
+    yield title, rate, None, unit
+    if sizing.end_speed is not None:
+        speed = sizing.end_speed * 30.0 / np.pi
+        yield "speed of the fullest wheel after a dump", speed, None, "rpm"
 
 
 def _share_of_coils(sizing: DumpSizing) -> Iterator[Row]:

@@ -181,6 +181,7 @@ class _CoilCourse:
     def __init__(
         self, flights: Sequence[Flight], hardware: Hardware, law: ThresholdLaw
     ) -> None:
+        """Compute turns, fields and pushes at the rows of the flights."""
         steps = np.diff(flights[0].times)
         to_body, away, field, push = [], [], [], []
         for flight in flights:
