@@ -1,4 +1,4 @@
-"""docs/your-craft.md: three crafts from the first command to the answer, by the
+"""docs/your-craft.md: six crafts from the first command to the answer, by the
 commands.
 
 python -m benchmarks.your_craft
@@ -64,6 +64,28 @@ CRAFTS = {
             ["compare", "sun6u", "--laws", "all"],
         ],
     ),
+    "geo8": (
+        "A geostationary craft with eight nozzles",
+        "--orbit geo --mass 2700kg --box 2.5,2.5,3 --wings '2 x 12m2 4m' --wheels '4 pyramid 20Nms' "
+        "--rods none --thrusters '8 10N' --dump 'thrusters 70:10' --propellant 10kg",
+        [
+            ["size", "geo8"],
+            ["size", "geo8", "--map", "--wheels", "10,20", "--thresholds", "50,70,90"],
+            ["run", "geo8"],
+        ],
+    ),
+    "l2": (
+        "An observatory at L2",
+        "--sun L2 --mass 1500kg --box 2,2,3 --wings '2 x 5m2 3m' --wheels '6 pyramid 12Nms' "
+        "--thrusters '12 5N' --dump 'thrusters 70:10' --pointing 'sun 45deg'",
+        [["size", "l2"], ["run", "l2"]],
+    ),
+    "lunar": (
+        "An orbiter of the Moon",
+        "--orbit 'moon 100km' --mass 600kg --box 1.2,1.2,1.8 --wings '2 x 3m2 2.2m' "
+        "--thrusters '4 1N' --dump 'thrusters 70:10' --pointing 'nadir 5deg roll'",
+        [["size", "lunar"], ["run", "lunar"], ["run", "lunar/worst.toml"]],
+    ),
 }
 NUMBERS = (
     "pointing",
@@ -82,7 +104,7 @@ NUMBERS = (
 )
 HEAD = """# Your craft
 
-Three crafts of one's own, from the first command to the answer: every number is of the commands as
+Six crafts of one's own, from the first command to the answer: every number is of the commands as
 they stand here, run on {date} by `python -m benchmarks.your_craft` (desat {version}). What
 `desat new craft` is not told is typical of its class and marked so in `craft.toml`; the folder is
 yours to change.
@@ -110,9 +132,10 @@ def ran(command: list[str], folder: Path) -> tuple[str, float]:
 
 def answer_of(command: list[str], text: str, folder: Path) -> str:
     """What of a command's output answers."""
-    if command[0] == "size":
-        return text.partition("\n\n")[0]
-    if command[0] in ("compare", "tune"):
+    if command[0] == "size" and "--map" not in command:
+        first = text.partition("\n\n")[0]
+        return first[first.find(f"\n{command[1]} ") + 1 :]
+    if command[0] in ("compare", "tune", "size"):
         return "\n".join(
             x.rstrip() for x in text.splitlines() if not x.startswith("page: ")
         )
@@ -191,7 +214,7 @@ def main() -> int:
                 if command == ["run", name]:
                     for plot in (
                         "momentum",
-                        "dipole" if "--rods none" not in options else "speed",
+                        "speed" if "--thrusters" in options else "dipole",
                     ):
                         file = DOCS / f"your-craft-{name}-{plot}.svg"
                         file.write_text(drawn(name, folder, plot), encoding="utf-8")

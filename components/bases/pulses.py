@@ -65,6 +65,12 @@ class PulsedThrusters(Thrusters):
         min=0.0,
         usual=(0.0, 1.0),
     )
+    power: float = Parameter(
+        "W",
+        "electrical power of an axis, or of a nozzle, while it fires",
+        min=0.0,
+        usual=(0.0, 1e4),
+    )
     schedule_start: Table = Parameter(
         "s", "scheduled firings: when each begins", shape=(ENTRIES,)
     )
@@ -95,6 +101,7 @@ class PulsedThrusters(Thrusters):
         "propellant of scheduled firings whose force is given; no part of propellant",
     )
 
+    electric_energy: float = Output("J", "power times on_time")
     net_impulse: float = Output(
         "N.s", "impulse of force on the craft, the sum of its size over steps"
     )
@@ -125,6 +132,7 @@ class PulsedThrusters(Thrusters):
         """Set the counters of on-time and propellant."""
         self.on_time = self._on_time
         self.propellant = self._propellant
+        self.electric_energy = self.power * self._on_time
         self.net_impulse = self._net_impulse
         self.schedule_on_time = self._schedule_on_time
         self.schedule_propellant = self._schedule_propellant

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from ..bases.pulses import STANDARD_GRAVITY, Jet
+from ..bases.pulses import MOST_JETS, STANDARD_GRAVITY, Jet
 from ..contract.block import Output, Parameter
 from ..maths.moments import first_order, part
 from ..maths.noise import normal_pair, stream
@@ -68,7 +68,7 @@ class ThrustersValves(ThrustersNozzles):
     stuck_nozzle: int = Parameter(
         "1",
         "whose valve is stuck",
-        choices=("none", "1", "2", "3", "4", "5", "6", "7", "8"),
+        choices=("none", *(str(i + 1) for i in range(MOST_JETS))),
         start="none",
     )
     stuck: int = Parameter(
@@ -97,7 +97,7 @@ class ThrustersValves(ThrustersNozzles):
         """Check stuck nozzle and tank; set the valves' levels to their start values."""
         super().start()
         i = self.stuck_nozzle - 1
-        if i >= 0 and self._jets[i][1] == ZERO:
+        if i >= len(self._jets) or (i >= 0 and self._jets[i][1] == ZERO):
             self.fail(
                 f"stuck_nozzle = {i + 1}: its thrust or direction is 0: no such nozzle"
             )

@@ -303,6 +303,9 @@ def _assumptions_of_thrusters(
         yield Assumption("nozzles", count, "", nozzles.words)
     number, _, unit = thrusters["impulse"].partition(" ")
     yield Assumption("specific impulse", number, unit, thrusters["impulse_why"])
+    if thrusters["power"]:
+        origin = f"class: electric, {thrusters['class']}"
+        yield Assumption("power of each", thrusters["power_words"], "W", origin)
     if thrusters["tank"]:
         number, _, unit = thrusters["tank"].partition(" ")
         yield Assumption("propellant", number, unit, "given")
@@ -1346,8 +1349,14 @@ def _thrusters(
                 )
         return None
     arm = sorted(sides)[1] / 2.0 if facts.arm is None else ARM(facts.arm)
-    nozzles, size = _nozzles(facts, sides)
-    name, figures, force = _of_class(THRUSTERS, "thrusters", "force", size)
+    text, is_electric = re.subn(r"\s+electric\b", "", str(facts.thrusters).strip())
+    nozzles, size = _nozzles(replace(facts, thrusters=text), sides)
+    kind = "electric" if is_electric else "thrusters"
+    name, figures, force = _of_class(THRUSTERS, kind, "force", size)
+    power = 0.0
+    if is_electric:
+        share = force / quantity("--thrusters", figures["force"], "N")
+        power = share * quantity("--thrusters", figures["power"], "W")
     torque = 2.0 * force * arm if nozzles is None else nozzles.weakest
     isp = None if nozzles is None else nozzles.isp
     impulse, origin = figures["impulse"], f"class: {name}"
@@ -1368,6 +1377,8 @@ def _thrusters(
         else f"{PROPELLANT(facts.propellant):g} kg",
         "pulse": figures["pulse"],
         "loss": figures["loss"],
+        "power": f"{power * (2.0 if nozzles is None else 1.0):.4g}" if power else "",
+        "power_words": f"{power:.4g}",
         "class": name,
         "nozzles": nozzles,
     }

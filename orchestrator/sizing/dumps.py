@@ -67,6 +67,7 @@ from ..system.model import System
 from ..system.options import Options
 from ..system.parameters import unit_of
 from ..system.typed import JsonObject
+from .attitude import LeastAttitude, find_least_attitude
 from .changes import would_do
 from .compatibility import terms_of
 from .intervals import (
@@ -124,6 +125,7 @@ LOOP = {
     "dump_momentum": "N.m.s",
     "dump_propellant": "kg",
     "dump_net_impulse": "N.s",
+    "dump_energy": "J",
     "dump_time": "s",
     "pointing_largest": "deg",
 }
@@ -286,6 +288,10 @@ class DumpSizing:
     change: str = ""  # the smallest one with which it would hold, as a sentence
     mass: float = 0.0  # kg; 0: unknown
     body_rate: float = inf  # rad/s, that wheels at rest take over; inf: no limit
+    # W/N, electrical power of the thrusters; 0: they take none
+    watts_a_newton: float = 0.0
+    # the attitude with least momentum; None: the wanted one, or it cannot be turned
+    least_attitude: LeastAttitude | None = None
     end_speed: float | None = None  # rad/s, of the fullest wheel; None: unknown
     # share (1) of the disturbances' momentum that coils take; None: they do not work
     coil_share: float | None = None
@@ -494,6 +500,8 @@ def size(
         thresholds=thresholds,
         course=course,
         body_rate=compute_body_rate(hardware),
+        watts_a_newton=values["thrusters"].get("power", 0.0) / float(cost.thrust[0]),
+        least_attitude=find_least_attitude(system, attitude, flight, hardware),
         end_speed=_end_speed(system, hardware, law),
         coil_share=_coil_share(flight, whole_run, hardware, law),
         mass=0.0 if system.body is None else system.body.mass,

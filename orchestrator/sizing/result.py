@@ -11,6 +11,7 @@ from ..analyses.flight import Attitude
 from ..numbers.text import format_duration, format_momenta
 from ..report.cases import Margin, tabulate_margins
 from ..system.typed import JsonObject
+from .attitude import LeastAttitude
 from .intervals import (
     MOST_DRAWS,
     AssumptionShare,
@@ -84,6 +85,8 @@ class Sizing:
     wheel_capacity: float  # N m s, of the smallest wheel; inf: no limit
     wheel_torque: float  # N m, limit of a wheel
     body_rate: float  # rad/s, that wheels at rest take over; inf: no limit
+    # the attitude with least momentum; None: the wanted one, or it cannot be turned
+    least_attitude: LeastAttitude | None
     # N m s, of the null space, with which no wheel passes zero; inf: none does
     bias_needed: float
     # N m s, that a scenario's requirement allows of the smallest wheel; inf: no limit

@@ -45,6 +45,7 @@ from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
 from . import intervals
+from .attitude import find_least_attitude
 from .changes import CASE_STEP, Change, describe_change, find_change
 from .compatibility import terms_of
 from .law import OTHERS_STEP, Law, UnsuitedError, hold_of, law_of
@@ -220,6 +221,7 @@ def size(
         wheel_capacity=smallest_wheel_capacity(hardware),
         wheel_torque=hardware.torque_limit,
         body_rate=compute_body_rate(hardware),
+        least_attitude=find_least_attitude(system, attitude, flight, hardware),
         bias_needed=inf,
         wheel_allowed=_allowed(system, "largest_momentum", 1.0)
         * smallest_wheel_capacity(hardware),

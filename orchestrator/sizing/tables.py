@@ -9,6 +9,7 @@ import numpy as np
 
 from ..numbers.text import format_duration
 from ..report.table import ROW_UNIT, Cell, Column, Row, Table, share
+from .attitude import LeastAttitude
 from .dumps import DumpSizing
 from .map import SizingMap
 from .momentum import BEYOND_ZERO, SourceShare
@@ -43,6 +44,7 @@ def tabulate_quantities(sizing: Sizing) -> Table:
             "N.m.s",
         ),
         _body_rate(sizing.body_rate),
+        *_least_attitude(sizing.least_attitude),
         *_bias(sizing),
         _duration("Time without dumping until a wheel is full", sizing.time_without),
         (
@@ -105,6 +107,13 @@ def _body_rate(rate: float) -> tuple[str, float | str, str]:
     return (
         (title, float(np.degrees(rate)), "deg/s") if rate < inf else (title, "any", "")
     )
+
+
+def _least_attitude(least: LeastAttitude | None) -> Iterator[tuple[str, float, str]]:
+    """Yield what the fullest wheel comes to in a day as wanted, and at the least."""
+    if least is not None:
+        yield "fullest wheel in a day, from rest", least.wanted_momentum, "N.m.s"
+        yield f"the same, turned by {least.words}, body", least.momentum, "N.m.s"
 
 
 def _bias(sizing: Sizing) -> Iterator[Row]:
@@ -276,6 +285,7 @@ def tabulate_dumps(sizing: DumpSizing) -> Table:
         *_net_force(sizing),
         ("propellant of a dump", steady.propellant, loop.get("dump_propellant"), "kg"),
         ("time of a dump", steady.duration, loop.get("dump_time"), "s"),
+        *_energy(sizing),
         ("longest pulse", steady.on_time, None, "s"),
         (
             "pulses a year of the valve that opens most",
@@ -335,10 +345,25 @@ def tabulate_dumps(sizing: DumpSizing) -> Table:
     return Table("Dumps", columns, rows, is_scaled=True)
 
 
+def _energy(sizing: DumpSizing) -> Iterator[Row]:
+    """Yield the electric energy of a dump, where the thrusters take some."""
+    if sizing.watts_a_newton > 0.0:
+        energy, in_loop = (
+            None if x is None else x / 3600.0
+            for x in (
+                sizing.steady.impulse * sizing.watts_a_newton,
+                sizing.loop.get("dump_energy"),
+            )
+        )
+        yield "electric energy of a dump", energy, in_loop, "W.h"
+
+
 def _wheels_of_dumps(sizing: DumpSizing) -> Iterator[Row]:
     """Yield what the wheels turn at after a dump, and the rate that they take over."""
     title, rate, unit = _body_rate(sizing.body_rate)
     yield title, rate, None, unit
+    for text, momentum, unit in _least_attitude(sizing.least_attitude):
+        yield text, momentum, None, unit
     if sizing.end_speed is not None:
         speed = sizing.end_speed * 30.0 / np.pi
         yield "speed of the fullest wheel after a dump", speed, None, "rpm"

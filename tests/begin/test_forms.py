@@ -22,6 +22,7 @@ from desat.runs.prepare import prepare, read, resolved
 from desat.runs.run import simulate
 from desat.sizing.dumps import size as size_dumps
 from desat.sizing.requirements import SizingRequirements
+from desat.sizing.sizing import size
 from desat.system.errors import DesatError
 from desat.system.options import Options
 
@@ -291,6 +292,92 @@ def test_a_tilt_at_mars_has_the_gravity_torque_of_the_books(tmp_path):
     tilt = np.radians(16.0)
     torque = 3.0 * rate2 * (200.0 - 120.0) * np.sin(tilt) * np.cos(tilt)
     assert sizing.a_day / 86400.0 == pytest.approx(torque, rel=1e-4)
+    least = sizing.least_attitude
+    assert np.degrees(least.turn) == pytest.approx([0.0, -16.0, 0.0], abs=0.05)
+    assert least.momentum < 1e-4 * least.wanted_momentum
+    assert least.words == "16 deg about (0.00, -1.00, 0.00)"
+
+
+def test_sunlight_at_l2_turns_as_the_books_say(tmp_path):
+    """P / (1.01 AU)^2 on 5 m2 whose centre is 0.4 m off: for a day, sun pointing."""
+    write(tmp_path / "mine", replace(FAR, sun="L2", secular=None), "")
+    flat = {
+        "spacecraft.radiation": "area",
+        "spacecraft.area_radiation": 5.0,
+        "spacecraft.centre_radiation_body": [0.4, 0.0, 0.0],
+        "spacecraft.offset_plates_body": [0.0, 0.0, 0.0],
+    }
+    sizing = size_dumps(
+        str(tmp_path / "mine"),
+        Options(values=flat),
+        SizingRequirements(year=False, flown=False),
+    )
+    distance = 1.01  # AU
+    torque = 4.56e-6 / distance**2 * 5.0 * 0.4
+    assert sizing.a_day == pytest.approx(86400.0 * torque, rel=1e-3)
+
+
+def test_electric_thrusters_say_their_power(tmp_path):
+    """A pair takes twice the power of one, at its share of the class's thrust."""
+    facts = CraftFacts(
+        altitude="600km",
+        mass="160kg",
+        wheels="4 pyramid 0.2Nms",
+        rods="none",
+        thrusters="4 2mN electric",
+        dump="thrusters 70:10",
+    )
+    write(tmp_path / "mine", facts, "")
+    system, _ = resolved(str(tmp_path / "mine"), Options())
+    assert system.components["thrusters"].values["power"] == pytest.approx(300.0)
+    assert system.components["thrusters"].values["specific_impulse"] == 2100.0
+    sizing = size_dumps(
+        str(tmp_path / "mine"), Options(), SizingRequirements(year=False)
+    )
+    energy = sizing.watts_a_newton * sizing.steady.impulse
+    assert energy == pytest.approx(75e3 * sizing.steady.impulse, rel=1e-4)
+    assert sizing.loop["dump_energy"] == pytest.approx(energy, rel=0.05)
+    assert sizing.loop["dump_time"] == pytest.approx(sizing.steady.duration, rel=0.15)
+
+
+@pytest.mark.parametrize("wheels", ["4 pyramid 30mNms", "5 pyramid 30mNms"])
+def test_the_bias_of_size_keeps_all_wheels_from_zero(tmp_path, wheels):
+    facts = CraftFacts(
+        size="12U", altitude="500km", inclination="51.6deg", wheels=wheels
+    )
+    write(tmp_path / "mine", facts, "")
+    requirements = SizingRequirements(year=False, flown=False, laws=False)
+    sizing = size(str(tmp_path / "mine"), Options(), requirements)
+    crossings = []
+    for bias in (None, f"{sizing.bias_needed}Nms"):
+        run = fly(tmp_path / f"with {bias}", replace(facts, bias=bias), 86400.0)
+        crossings.append(run.manifest.numbers["crossings"].value)
+    assert crossings[0] > 50
+    assert crossings[1] == 0
+    values = resolved(str(tmp_path / "mine"), Options())[0].components
+    axes = np.reshape(values["wheels"].values["axes_wheel"], (3, -1))
+    inertia = np.reshape(values["spacecraft"].values["inertia"], (3, 3))
+    a_rate = np.linalg.norm(np.linalg.pinv(axes) @ inertia, axis=1).max()
+    assert sizing.body_rate == pytest.approx(0.03 / a_rate)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("spin", ["0.78rpm z", "0.95rpm x", "0.3rpm z"])
+def test_a_spinning_craft_is_sized_as_it_flies(tmp_path, spin):
+    facts = CraftFacts(
+        size="12U",
+        altitude="464km",
+        inclination="52.4deg",
+        rods="0.5",
+        pointing=f"spin {spin}",
+    )
+    write(tmp_path / "mine", facts, "")
+    sizing = size(
+        str(tmp_path / "mine"), Options(), SizingRequirements(year=False, laws=False)
+    )
+    point = max((x for x in sizing.curve if x.loop_rms), key=lambda x: x.rod)
+    assert point.rms == pytest.approx(point.loop_rms, rel=0.05)
+    assert point.duty == pytest.approx(point.loop_duty, rel=0.02)
 
 
 PAGE = Path(__file__).parents[2] / "docs" / "forms.md"
