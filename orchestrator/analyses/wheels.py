@@ -30,11 +30,12 @@ def _axes(system: System) -> Iterator[str]:
                 "the controller wants"
             )
             continue
-        for source, groups, begin in _failures(system, c):
+        rest = there.copy()
+        failures = _failures(system, c)
+        for source, groups, begin in sorted(failures, key=lambda x: x[0].values[x[2]]):
             failed, since = source.choice(groups), source.values[begin]
             if failed == "none" or since >= system.stop:
                 continue
-            rest = there.copy()
             rest[[int(x) - 1 for x in failed.split("+")]] = False
             if missing := _left_out(axes[:, rest]):
                 yield (
@@ -42,6 +43,7 @@ def _axes(system: System) -> Iterator[str]:
                     f"{failed}: from {max(since, system.start):g} s on no wheel gives "
                     f"torque about {missing}, which the controller commands"
                 )
+                break
 
 
 def _failures(
