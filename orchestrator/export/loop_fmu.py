@@ -217,7 +217,9 @@ def _unit(component: Component) -> tuple[str, str]:
         raise DesatError(
             f"{name}: {component.source} is no FMU of ours, whose C is known; {instead}"
         )
-    model = component.model
+    model, stem = component.model, fmu.path.stem
+    if library.sizes_in(stem)[1]:  # a block of ours of another length
+        model = stem
     with zipfile.ZipFile(fmu.path) as archive:
         if f"sources/{model}.c" not in archive.namelist():
             raise DesatError(

@@ -383,9 +383,9 @@ def share_below(times: Array, values: Array, limit: float) -> float:
     """The share of time and elements whose size is below a limit (%). Elements that
     are zero all the time, as wheels that there are not, do not count.
     """
-    there = np.reshape(values, (len(values), -1))
-    there = there[:, there.any(axis=0)]
-    return float(100.0 * (np.abs(there) < limit).mean()) if there.size else 0.0
+    small = np.abs(values) < limit
+    idle = np.abs(values).max(axis=0) == 0.0
+    return float(100.0 * (small.mean() - idle.mean()) / max(1.0 - idle.mean(), 1e-9))
 
 
 @in_unit("1")

@@ -269,8 +269,9 @@ class Flight {
     const cut = (k, n = count) => $.get(this.series(series[k]), [{ slice: [0, n] }]);
     const value = (k, ...shape) => $.reshape($.array(this.table[of[k]]), ...shape);
     const times = this.times(count);
-    const axes = value("axes", 3, 4);
-    const body = $.matmul(cut("omega"), $.T(measures.carrier(value("inertia", 3, 3), axes, value("spin", 4))));
+    const wheels = this.table[of.axes].length / 3;
+    const axes = value("axes", 3, wheels);
+    const body = $.matmul(cut("omega"), $.T(measures.carrier(value("inertia", 3, 3), axes, value("spin", wheels))));
     let managed = $.mul(cut("impulse"), 0);
     if (series.dipole) managed = $.add(managed, measures.coil_impulse(times, cut("field"), cut("q"), cut("dipole", count - 1)));
     if (series.fired) managed = $.add(managed, measures.fired_impulse(times, cut("q"), this.series(series.fired)));

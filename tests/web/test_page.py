@@ -378,13 +378,18 @@ def test_a_flight_is_that_of_a_run_with_what_follows_from_sliders(
 
 @needs_node
 @needs_zig
-@pytest.mark.parametrize("start", [0.0, 38.0], ids=["fills", "dumps"])
+@pytest.mark.parametrize(
+    ("start", "wheels"),
+    [(0.0, 4), (38.0, 4), (38.0, 6)],
+    ids=["fills", "dumps", "six wheels"],
+)
 def test_a_craft_that_dumps_by_thrusters_has_the_standard_numbers_on_its_page(
-    desat, tmp_path, start
+    desat, tmp_path, start, wheels
 ):
-    desat("new", "craft", "c", *shlex.split(GEO), check=True, cwd=tmp_path)
+    facts = GEO.replace("4 pyramid", f"{wheels} pyramid")
+    desat("new", "craft", "c", *shlex.split(facts), check=True, cwd=tmp_path)
     target = str(tmp_path / "c")
-    sets = [f"wheels.h_start_wheel={start},{start},{start},{start}"]
+    sets = [f"wheels.h_start_wheel={','.join([str(start)] * wheels)}"]
     options = Options(stop=3000.0, sets=sets)
     answer = page.export(target, {"threshold": options}, [], tmp_path / "page.html")
     run = execute(target, options, None)
