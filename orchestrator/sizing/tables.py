@@ -43,8 +43,8 @@ def tabulate_quantities(sizing: Sizing) -> Table:
             sizing.wheel_needed,
             "N.m.s",
         ),
-        _body_rate(sizing.body_rate),
-        *_least_attitude(sizing.least_attitude),
+        _capitalised(_body_rate(sizing.body_rate)),
+        *map(_capitalised, _least_attitude(sizing.least_attitude)),
         *_bias(sizing),
         _duration("Time without dumping until a wheel is full", sizing.time_without),
         (
@@ -107,6 +107,12 @@ def _body_rate(rate: float) -> tuple[str, float | str, str]:
     return (
         (title, float(np.degrees(rate)), "deg/s") if rate < inf else (title, "any", "")
     )
+
+
+def _capitalised(row: tuple[str, float | str, str]) -> Row:
+    """Return a row whose title begins with a capital letter."""
+    title, value, unit = row
+    return title[0].upper() + title[1:], value, unit
 
 
 def _least_attitude(least: LeastAttitude | None) -> Iterator[tuple[str, float, str]]:

@@ -108,14 +108,20 @@ def test_a_wheel_that_is_known_to_have_failed_gets_no_command(tmp_path, wheels):
 
 def test_wheels_that_fail_and_those_left_out_count_together(tmp_path):
     write(tmp_path / "mine", LOW, "")
-    told = {"wheels.failed": "1", "manager.wheels_out": "2", "manager.out_from": 600.0}
-    for values, count in ((told, 1), ({"wheels.failed": "1"}, 0)):
+    failures = {
+        "wheels.failed": "1",
+        "manager.wheels_out": "2",
+        "manager.out_from": 600.0,
+    }
+    for values, count in ((failures, 1), ({"wheels.failed": "1"}, 0)):
         options = Options(values=values)
         warnings = prepare(read(str(tmp_path / "mine")), options).warnings
         assert sum("no wheel gives torque about" in x for x in warnings) == count
     assert any(
         "wheels_out = 2: from 600 s on" in x
-        for x in prepare(read(str(tmp_path / "mine")), Options(values=told)).warnings
+        for x in prepare(
+            read(str(tmp_path / "mine")), Options(values=failures)
+        ).warnings
     )
 
 

@@ -13,6 +13,7 @@ from desat.cli.commands import size as size_command
 from desat.report.cases import Margin
 from desat.report.table import ROW_UNIT, Cell, Column, Table, or_not_reached, share
 from desat.sizing import dumps, page, tables
+from desat.sizing.attitude import LeastAttitude
 from desat.sizing.intervals import AssumptionShare, Interval
 from desat.sizing.momentum import SourceShare
 from desat.sizing.requirements import SizingRequirements
@@ -137,6 +138,9 @@ def sizing() -> Sizing:
         slew_torque=0.000317,
         wheel_capacity=0.382,
         wheel_torque=0.005,
+        body_rate=0.0625,
+        bias_needed=0.0042,
+        least_attitude=LeastAttitude((0.0, 0.05, 0.0), 0.0021, 0.0093),
         wheel_allowed=0.382,
         duty_allowed=0.5,
         wheel_lost=0.0,
@@ -208,6 +212,18 @@ SIZE_ROWS = [
     ["Secular momentum per orbit", "6.2", "mN m s"],
     ["Cyclic momentum, amplitude", "4.3", "mN m s"],
     ["Momentum of the fullest wheel without the secular part", "10.7", "mN m s"],
+    [
+        "Largest body rate that wheels at rest take over, about any axis",
+        "3.581",
+        "deg/s",
+    ],
+    ["Fullest wheel in a day, from rest", "9.3", "mN m s"],
+    ["The same, turned by 2.86 deg about (0.00, 1.00, 0.00), body", "2.1", "mN m s"],
+    [
+        "Bias that is 1.2 times the fullest wheel's swing: none passes zero",
+        "4.2",
+        "mN m s",
+    ],
     ["Time without dumping until a wheel is full", "5 d"],
     ["Smallest rod for any law (mean over the orbits)", "0.0232", "A m2"],
     ["Smallest rod for any law (linear programme)", "0.0257", "A m2"],
@@ -351,6 +367,8 @@ DUMPS = dumps.DumpSizing(
     slew_momentum=2.62,
     slew_torque=0.0087,
     wheel_torque=0.2,
+    body_rate=0.0625,
+    end_speed=60.0,
     loop={
         "first_dump": 700000.0,
         "dumps_a_week": 0.966,
@@ -382,6 +400,13 @@ def test_size_prints_dumps_with_their_units():
         ["the same with low solar activity", "0.9", "", "kg"],
         ["the same, each dump at its cheapest attitude", "0.77", "", "kg"],
         ["momentum of a day", "6.59", "", "N m s"],
+        [
+            "largest body rate that wheels at rest take over, about any axis",
+            "3.581",
+            "",
+            "deg/s",
+        ],
+        ["speed of the fullest wheel after a dump", "573", "", "rpm"],
         ["largest pointing error", "", "0.1425", "deg"],
         ["capacity for one dump a week", "37.3 of 1000", "", "N m s"],
         ["slew: momentum of the fullest wheel", "2.62 of 1000", "", "N m s"],
