@@ -29,7 +29,7 @@ PLACES = {role: k for k, roles in enumerate(COLUMNS) for role in roles}
 ORDER = [role for roles in COLUMNS for role in roles]
 
 # the colours of figures that stand out on light and on dark paper
-LINES = [colour for colour in COLOURS if colour != "#444444"]
+LINES = [colour for colour in COLOURS if colour != "#303338"]
 
 # sizes in px
 ROW, TITLE, LETTER, PAD = 15.0, 38.0, 5.7, 10.0

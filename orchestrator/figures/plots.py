@@ -20,6 +20,7 @@ from .style import (
     BANDS,
     BINS,
     COLOURS,
+    DASHES,
     DOTTED,
     HEIGHT,
     LIMIT,
@@ -50,14 +51,6 @@ class Line(NamedTuple):
 FAR = 10.0  # a limit beyond this factor of the drawn range is only named
 _FIRST: dict[str, Any] = {"width": 1.4}
 _OTHER: dict[str, Any] = {"width": 1.0, "dash": (4.0, 2.0), "alpha": 0.75}
-# dashes of more than two runs, in turn, so that they can be told apart without colours
-_DASHES: tuple[tuple[float, ...], ...] = (
-    (),
-    (6.0, 2.0),
-    (2.0, 2.0),
-    (7.0, 2.0, 1.5, 2.0),
-    (1.0, 1.6),
-)
 
 
 def series_figure(plot: Plot, runs: Sequence[Run]) -> Figure | None:
@@ -207,7 +200,7 @@ def _draw(
     for number, lines in enumerate(runs):
         look = _OTHER if number and len(runs) == 2 else _FIRST
         if len(runs) > 2:
-            look = {"width": 1.2, "dash": _DASHES[number % len(_DASHES)]}
+            look = {"width": 1.2, "dash": DASHES[number % len(DASHES)]}
         for i, line in enumerate(lines):
             name = line.name if number == 0 else ""
             if labels and len(runs) > 2:
@@ -219,6 +212,8 @@ def _draw(
                 len(runs) > 2 or len(lines) == 1
             )  # else colours distinguish lines, and dashes runs
             colour = COLOURS[(number if of_runs else i) % len(COLOURS)]
+            if len(runs) == 1:
+                look = {**_FIRST, "dash": DASHES[i % len(DASHES)]}
             run = labels[number] if labels and len(runs) > 1 else ""
             owners = ", ".join(part for part in (line.name, run) if part)
             if plot.envelope and len(line.times) > BINS:

@@ -11,17 +11,21 @@ import numpy as np
 from ..numbers.text import spell_unit
 from .canvas import Axes, Figure
 
-COLOURS = (
-    "#0b62a4",
-    "#d1495b",
-    "#2e8b57",
-    "#8a5fbf",
-    "#e08e0b",
-    "#444444",
-    "#1aa6b7",
-    "#8b5a2b",
-    "#a3b72c",
-)
+# Colours of series on a light page, each with its own on a dark one. Any two differ by
+# 15 (CIEDE2000) or more for normal, deuteranopic and protanopic eyes, and by a contrast
+# of 3 from the page (tests/figures/test_palette.py).
+PALETTE = {
+    "#075b9a": "#44aeff",  # blue
+    "#cc7aa6": "#ff6a74",  # rose
+    "#2d8c61": "#00cba7",  # green
+    "#9965ef": "#9678a3",  # purple
+    "#8f5c00": "#ffa800",  # ochre
+    "#303338": "#fffff8",  # ink
+    "#11716e": "#7cdae9",  # teal
+    "#583e26": "#a46432",  # brown
+    "#929c00": "#f3ffa1",  # lime
+}
+COLOURS = tuple(PALETTE)
 LIMIT = "#b22222"
 # colours of filled limits, in order
 BANDS = ("#b22222", "#e0a100", "#5b7f95")
@@ -29,11 +33,21 @@ BINS = 240  # parts of a line whose minimum and maximum are drawn as an area
 # in: width and height of a figure with one pair of axes, and height of one with two
 WIDTH, HEIGHT, PANELS = 7.2, 2.9, 4.9
 DOTTED, DASHED = (1.0, 1.6), (5.0, 2.5)
+# Dashes of series in turn, so that they can be told apart without colours.
+DASHES: tuple[tuple[float, ...], ...] = (
+    (),
+    (6.0, 2.0),
+    (2.0, 2.0),
+    (7.0, 2.0, 1.5, 2.0),
+    (1.0, 1.6),
+)
 
 
 def time_axis(times: np.ndarray[Any, Any]) -> tuple[float, str]:
     """Choose the unit of a time span; return its seconds and its name."""
     span = float(times[-1] - times[0]) if len(times) else 0.0
+    if span > 5 * 86400:
+        return 86400.0, "d"
     if span > 3 * 3600:
         return 3600.0, "h"
     return (60.0, "min") if span > 1200 else (1.0, "s")

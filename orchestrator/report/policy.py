@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import json
 from collections.abc import Sequence
 
 from markupsafe import Markup
 
+from ..figures.style import PALETTE
 from ..system import discovery
 
 # Place of the policy in page.html; the scripts of a page are known only at its end.
@@ -39,7 +41,8 @@ class PageScripts:
 
     def element(self, names: Sequence[str]) -> Markup:
         """Return a script element made of these parts of templates/."""
-        code = Markup("\n").join(map(part, names))
+        palette = Markup(json.dumps(PALETTE))
+        code = Markup("\n").join(map(part, names)).replace("@PALETTE@", palette)
         digest = base64.b64encode(hashlib.sha256(code.encode()).digest()).decode()
         source = f"'sha256-{digest}'"
         if source not in self._sources:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
+import textwrap
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
@@ -17,6 +18,7 @@ FOLDERS = ("", "tutorials/", "understand/")  # folders of the pages for users
 WIDEST = 90  # letters of a line that a search shows
 # parts of a page that are directives of the site, and what of them says nothing here
 FENCED = re.compile(r"^```\{eval-rst\}\n.*?^```$", re.MULTILINE | re.DOTALL)
+CODE = re.compile(r"^(?:```.*?^```$|    \S.*?$)", re.MULTILINE | re.DOTALL)
 OTHERS = re.compile(
     r"^(?:```.*|\.\. automodule::.*|   :(?:no-)?members:)\n?", re.MULTILINE
 )
@@ -67,12 +69,24 @@ def found(words: str) -> list[dict[str, str]]:
         if not all(word in text_searched for word in terms):
             continue
         is_titled = any(word in f"{name} {title}".lower() for word in terms)
-        lines = [x.strip() for x in body.splitlines()]
-        line = next((x for x in lines if any(w in x.lower() for w in terms)), "")
-        row = {"topic": name, "what it is": title, "first line": line[:WIDEST]}
+        row = {"topic": name, "what it is": title, "first line": _line(body, terms)}
         rows.append((not is_titled, -sum(text_searched.count(w) for w in terms), row))
     rows.sort(key=lambda r: r[:2])
     return [row for _, _, row in rows]
+
+
+def _line(body: str, terms: list[str]) -> str:
+    """Return the first sentence with a term, of whole words and at most WIDEST long.
+
+    Without one it is the first line with a term.
+    """
+    plain = CODE.sub("", body).partition("\n")[2]
+    lines = [x for x in body.splitlines() if any(w in x.lower() for w in terms)]
+    for paragraph in plain.split("\n\n"):
+        for sentence in re.split(r"(?<=[.:;]) ", " ".join(paragraph.split())):
+            if sentence[:1].isalpha() and any(w in sentence.lower() for w in terms):
+                return textwrap.shorten(sentence, WIDEST, placeholder=" ...")
+    return textwrap.shorten("".join(lines[:1]), WIDEST, placeholder=" ...")
 
 
 def _topics() -> Iterator[tuple[str, str, str]]:

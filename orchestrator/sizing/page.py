@@ -293,7 +293,7 @@ def _curve(sizing: Sizing, key: str, loop: str, factor: float, label: str) -> Fi
     ax.upright(sizing.least, LIMIT, width=1.2, dash=DASHED, label="least rod, any law")
     if sizing.recommended is not None:
         ax.upright(
-            sizing.recommended, "#2e8b57", width=1.2, dash=DOTTED, label="recommended"
+            sizing.recommended, COLOURS[2], width=1.2, dash=DOTTED, label="recommended"
         )
         high = max(high, sizing.recommended)
     if low <= sizing.rod <= 3.0 * high:

@@ -3,9 +3,28 @@
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
-// of dark colours on a dark page, halfway to white
-const colour = (hex) => !dark.matches ? hex : "#" + [1, 3, 5].map((i) =>
+const PALETTE = @PALETTE@;
+// of a colour on a dark page: that of the palette, or halfway to white
+const colour = (hex) => !dark.matches ? hex : PALETTE[hex] ?? "#" + [1, 3, 5].map((i) =>
   Math.round((parseInt(hex.slice(i, i + 2), 16) + 255) / 2).toString(16).padStart(2, "0")).join("");
+
+// how the mark of a series in a legend is drawn, as its line
+const border = (plot, k) => {
+  const [first] = plot.series[k].dash ?? [];
+  return first ? (first > 4 ? "dashed" : "dotted") : "solid";
+};
+
+// names of a legend by keyboard: Enter or space is a click
+const operable = (place) => [...place.querySelectorAll(".u-series")].slice(1).forEach((row) => {
+  const name = row.firstChild;
+  name.tabIndex = 0;
+  name.setAttribute("role", "button");
+  name.addEventListener("keydown", (event) => {
+    if (event.key !== "Enter" && event.key !== " ") return;
+    event.preventDefault();
+    name.click();
+  });
+});
 
 // a number to the last digit that tells values `step` apart
 const text = (value, step) => {

@@ -188,6 +188,7 @@
       bands: plot.series.flatMap((s, i) => (s.area && plot.series[i + 1]?.area
         && s.label.endsWith(": least") ? [{ series: [i + 2, i + 1],
           fill: colour(s.colour) + Math.round(255 * s.area).toString(16).padStart(2, "0") }] : [])),
+      legend: { markers: { width: 2, dash: border } },
       cursor: {
         y: false,
         sync: { key: plot.axis, setSeries: false, scales: ["x", null],
@@ -211,6 +212,7 @@
     made.quantity = plot.axis;
     made.isTime = plot.seconds > 0;
     now = key(plot, place);
+    operable(place);
     new ResizeObserver(() => {
       if (place.clientWidth && place.clientWidth !== made.width) {
         made.setSize({ width: place.clientWidth, height: options.height });

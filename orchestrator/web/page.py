@@ -25,7 +25,7 @@ from ..analyses import firings, health, management
 from ..export.loop_fmu import LoopEnds, LoopSource, written_out
 from ..figures.craft import DIRECTIONS
 from ..figures.plots import elements_of
-from ..figures.style import COLOURS, LIMIT, time_axis
+from ..figures.style import COLOURS, DASHES, LIMIT, time_axis
 from ..files import io
 from ..files.scenario import Scenario
 from ..language.content import Content, content_of
@@ -422,6 +422,7 @@ def _page_data(
         "time_unit": unit,
         "substeps": first.parts,
         "colours": COLOURS,
+        "dashes": [[1.5 * x for x in dash] for dash in DASHES],
         "limit": LIMIT,
         "laws": laws,
         "ground": 6378137.0,

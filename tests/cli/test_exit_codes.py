@@ -706,7 +706,7 @@ def test_what_a_run_says_at_its_end(capsys, tmp_path):
         theirs = "         3" if baseline else ""  # numbers to the right
         assert f"\nSize of [b]            2{theirs}  N m s" in out
         assert lines[-2:] == [
-            f"3 steps, 0.5 us a step; series in {tmp_path / 'series.h5'}",
+            f"3 steps; series in {tmp_path / 'series.h5'}",
             f"report: {tmp_path / '[b].html'}",
         ]
     run_command._report_run(make_run(), None, tmp_path, None, False, False)

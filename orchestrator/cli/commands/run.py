@@ -394,8 +394,9 @@ def _report_run(
         out.print(f"{rest} more numbers in the report; --all prints them")
     if line := substeps_line(manifest):
         out.print(line)
+    speed = f", {manifest.us_per_step} us a step" if everything else ""
     report = f"\nreport: {page.resolve()}" if page else ""
     out.print(
-        f"{manifest.steps_done} steps, {manifest.us_per_step} us a step; series in "
+        f"{manifest.steps_done} steps{speed}; series in "
         f"{folder / SERIES}{thinning}{report}",
     )

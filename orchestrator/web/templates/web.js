@@ -232,7 +232,8 @@
     const of = plotsOf(flight.law)[i];
     const own = flight.plots[i].lines.map(known);
     const names = of.names;
-    const series = own.map((y, k) => ({ label: names[k], y, stroke: told.colours[k % told.colours.length], width: 1.4 }));
+    const series = own.map((y, k) => ({ label: names[k], y, stroke: told.colours[k % told.colours.length],
+      dash: own.length > 1 ? told.dashes[k % told.dashes.length] : [], width: 1.4 }));
     const other = kept && plotsOf(kept.law).findIndex((p) => p.title === of.title);
     if (kept && other >= 0) {
       kept.plots[other].lines.forEach((y, k) => series.unshift({
@@ -286,8 +287,9 @@
           value: (u, v) => text(v, (u.scales.y.max - u.scales.y.min) / 1e4) }))],
       cursor: { y: false, drag: { x: false, y: false }, sync: { key: "time", setSeries: false, scales: ["x", null] } },
       hooks: { setCursor: [(u) => !seeking && u.cursor.left >= 0 && scene.at(u.posToVal(u.cursor.left, "x"))] },
-      legend: { markers: { width: 2 } },
+      legend: { markers: { width: 2, dash: border } },
     }, [shown.times, ...series.map((s) => s.y)], place);
+    operable(place);
     // the other side of a limit needs no name
     [...place.querySelectorAll(".u-legend tr")].forEach((row, k) => { if (k && !series[k - 1].label) row.style.display = "none"; });
     charts[i].note.textContent = far.join("; ");
