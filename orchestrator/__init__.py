@@ -4,7 +4,7 @@
 `cases` (also `campaign`), `fit`, `load`, `export` and `tables` do the same as the
 commands, with their options, and return objects; `prepare`, `simulate`, `Options`, `Case` and
 `Run` are the parts they use. Their imports are made when they are called. Wrong input
-raises `desat.system.errors.DesatError` with a text of one line for the user.
+raises `desat.DesatError` with a text of one line for the user.
 """
 
 from __future__ import annotations
@@ -34,13 +34,16 @@ if TYPE_CHECKING:
     from .studies.faults import FaultTable
     from .studies.ranking import Ranking
     from .studies.tune import Tuned
+    from .system.errors import DesatError, RunError
     from .system.options import Options, RunOptions
     from .telemetry.fit import Fit
 
 __all__ = [
     "Case",
+    "DesatError",
     "Options",
     "Run",
+    "RunError",
     "__version__",
     "bound",
     "campaign",
@@ -69,6 +72,8 @@ _AT = {
     "Run": "runs.run",
     "simulate": "runs.run",
     "Options": "system.options",
+    "DesatError": "system.errors",
+    "RunError": "system.errors",
     "tables": "papers.tables",
 }
 
@@ -129,7 +134,7 @@ def run(
         of an array as a list, a tuple, a numpy array or a pandas Series. A mapping has
         the variables of a component: {"manager": {"gain": 2e-3}}.
     stop
-        Stop time in seconds, or "2 orbits".
+        Stop time in seconds, a timedelta, or "2 orbits".
     step
         Step in seconds.
     folder
@@ -371,7 +376,7 @@ def fit(
 
 
 def compare(
-    *targets: str | PathLike[str],
+    *targets: str | PathLike[str] | Run,
     laws: str | Sequence[str] | None = None,
     by: str | None = None,
     sets: Mapping[str, Any] | None = None,
@@ -379,14 +384,14 @@ def compare(
     step: float | None = None,
     **options: Unpack[RunOptions],
 ) -> Comparison | Ranking:
-    """Compare scenarios and run folders with the first, or the laws of one craft.
+    """Compare scenarios, runs and run folders with the first, or the laws of one craft.
 
     It does what `desat compare` does; scenarios fly now.
 
     Parameters
     ----------
     *targets
-        Scenarios and run folders; with `laws` one craft.
+        Scenarios, runs and run folders; with `laws` one craft.
     laws
         "all", names of laws, or files of your own: the craft flies law by law.
     by
@@ -413,19 +418,20 @@ def compare(
     ['nadir_day/day-dipole', 'nadir_day/day-igrf', 'less nadir_day/day-igrf']
     """
     from .runs.program import options_of
+    from .runs.run import Run
     from .studies import compare as study
     from .system.errors import DesatError
 
-    options_given, names = (
-        options_of(stop, step, sets, options),
-        [str(t) for t in targets],
-    )
+    options_given = options_of(stop, step, sets, options)
     if laws is None:
+        each = [t if isinstance(t, Run) else str(t) for t in targets]
         if by is not None:
             raise DesatError("by: it ranks laws: laws='all'")
-        if study.are_campaigns(names):
-            raise DesatError(f"{names[0]}: campaigns are compared by `desat compare`")
-        return study.side_by_side(names, options_given)
+        folders = [t for t in each if isinstance(t, str)]
+        if len(folders) == len(each) and study.are_campaigns(folders):
+            raise DesatError(f"{each[0]}: campaigns are compared by `desat compare`")
+        return study.side_by_side(each, options_given)
+    names = [str(t) for t in targets]
     from .studies import ranking
     from .studies.criteria import criteria as criteria_of
 
@@ -711,13 +717,13 @@ def check(
     return find(str(target), options_of(stop, step, sets, options))
 
 
-def bound(target: str | PathLike[str]) -> LowerBound | CoilBound:
+def bound(target: str | PathLike[str] | Run) -> LowerBound | CoilBound:
     """Compute the least effort with which a run could have done, as `desat bound` does.
 
     Parameters
     ----------
     target
-        A scenario, which runs now, or the folder of a run.
+        A scenario, which runs now, a run, or the folder of a run.
 
     Returns
     -------
@@ -733,8 +739,9 @@ def bound(target: str | PathLike[str]) -> LowerBound | CoilBound:
         If the run does not complete.
     """
     from .runs.bounds import bound as bound_of
+    from .runs.run import Run
 
-    return bound_of(str(target))[1]
+    return bound_of(target if isinstance(target, Run) else str(target))[1]
 
 
 def sweep(

@@ -31,6 +31,7 @@ from .workers import Here, Local, NoResult, Workers, results
 
 if TYPE_CHECKING:
     from pandas import DataFrame  # type: ignore[import-untyped]
+    from xarray import Dataset
 
 STOPPED = 128  # exit codes above this are those of a run that somebody stopped
 
@@ -161,6 +162,22 @@ class Sweep:
                 for p in self.points
             ]
         )
+
+    def to_xarray(self) -> Dataset:
+        """Return the numbers as an xarray Dataset over the parameters.
+
+        Raises
+        ------
+        DesatError
+            If values of a parameter are arrays, which are no coordinates.
+        """
+        for name, values in self.axes.items():
+            if any(isinstance(x, (list, tuple)) for x in values):
+                raise DesatError(f"{name}: its values are arrays, no coordinates")
+        numbers: Dataset = self.numbers.set_index(list(self.axes)).to_xarray()
+        for number, values_of_number in numbers.data_vars.items():
+            values_of_number.attrs["units"] = self.units.get(str(number), "")
+        return numbers
 
     def to_json(self) -> JsonObject:
         """Return the sweep as `desat sweep --json` prints it."""

@@ -81,7 +81,43 @@ def of_results(manifest: Manifest, results: Results) -> xr.Dataset:
         "numbers": json.dumps(manifest.to_json()["numbers"]),
         "manifest": json.dumps(manifest.to_json()),
     }
-    return xr.Dataset(variables, coordinates, time_attributes)
+    return SeriesSet(variables, coordinates, time_attributes)
+
+
+class SeriesSet(xr.Dataset):  # type: ignore[no-untyped-call]
+    """Series of a run, whose table has a column for each element."""
+
+    __slots__ = ()
+
+    def to_dataframe(self, dim_order: Any = None) -> Any:
+        """Return a table over `time`: a column each, or `name[label]` for its elements.
+
+        Means over steps stand at the step's beginning, so the last row has none. With
+        `dim_order`, of series that share all dimensions, and without `time` it is
+        xarray's own, with a row for each combination of dimensions.
+        """
+        from pandas import (  # type: ignore[import-untyped]
+            DataFrame,
+            Index,
+        )
+
+        begins = {v.dims[:1] for v in self.data_vars.values()}
+        elements = {v.dims[1:] for v in self.data_vars.values()}
+        is_of_run = begins <= {("time",), ("interval",)}
+        shares = len(begins) == 1 and len(elements) == 1
+        if dim_order is not None or shares or not is_of_run:
+            return super().to_dataframe(dim_order)
+        times = self["time"].values
+        columns: dict[str, Any] = {}
+        for name, variable in self.data_vars.items():
+            values = variable.values.reshape(len(variable), -1)
+            if len(values) < len(times):
+                values = np.vstack([values, np.full((1, values.shape[1]), np.nan)])
+            labels = [""]
+            if variable.ndim > 1:
+                labels = [f"[{x}]" for x in self[variable.dims[1]].values]
+            columns |= {f"{name}{x}": values[:, i] for i, x in enumerate(labels)}
+        return DataFrame(columns, index=Index(times, name="time"))
 
 
 def dims_of(name: str, shape: tuple[int, ...]) -> tuple[tuple[str, ...], Sequence[Any]]:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from datetime import timedelta
 from typing import Any
+
+import numpy as np
 
 from desat.components.contract.block import Block
 
@@ -43,12 +46,19 @@ def options_of(
     if isinstance(sources, Mapping):
         sources = [f"{name}={_fmu_of(name, fmu)}" for name, fmu in sources.items()]
     return Options(
-        stop=stop,
-        step=step,
+        stop=_seconds(stop),
+        step=_seconds(step),
         values=plain_values(sets or {}),
         sources=sources,
         **entries,
     )
+
+
+def _seconds(time: Any) -> Any:
+    """Return a timedelta of Python, pandas or numpy in seconds; another value as it is."""
+    if isinstance(time, np.timedelta64):
+        return float(time / np.timedelta64(1, "s"))
+    return time.total_seconds() if isinstance(time, timedelta) else time
 
 
 def _fmu_of(component: str, source: Any) -> str:

@@ -6,7 +6,7 @@ import math
 import shlex
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import chdir
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -14,7 +14,7 @@ from html import escape
 from os import PathLike
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,23 +132,50 @@ class Run:
 
         return of_results(self.manifest, self.results)
 
-    def __getitem__(self, series: str) -> Array:
+    def __enter__(self) -> Run:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Close the file of the series."""
+        self.results.close()
+
+    def keys(self) -> list[str]:
+        """Return the names of the series."""
+        return list(self)
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the names of the series."""
+        return iter(self.results.names())
+
+    def __contains__(self, series: object) -> bool:
+        """Return whether there is a series of this name."""
+        return series == "time" or series in self.results.names()
+
+    @overload
+    def __getitem__(self, series: str) -> Array: ...
+    @overload
+    def __getitem__(self, series: list[str]) -> Dataset: ...
+    def __getitem__(self, series: str | list[str]) -> Array | Dataset:
         """Return a series `component.variable`: (rows,) or (rows, elements), its unit.
 
-        "time" are the times of the rows (s). Means over steps have a row less.
+        "time" are the times of the rows (s). Means over steps have a row less. Of
+        several names it is an xarray Dataset, as `data`.
 
         Raises
         ------
         DesatError
             If there is no such series.
         """
+        names = self.results.names()
+        for name in [series] if isinstance(series, str) else series:
+            if name not in self:
+                raise DesatError(
+                    f"{self.manifest.scenario}: no series {name}{nearest(name, names)}"
+                )
+        if not isinstance(series, str):
+            return self.data[series]
         if series == "time":
             return self.results.times()
-        names = self.results.names()
-        if series not in names:
-            raise DesatError(
-                f"{self.manifest.scenario}: no series {series}{nearest(series, names)}"
-            )
         return np.asarray(self.results.values(series))
 
     def to_dataframe(self) -> DataFrame:

@@ -27,7 +27,7 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from itertools import pairwise
 from math import ceil, floor, hypot, inf, nan, pi, sqrt
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,6 +91,7 @@ from .margins import (
     describe_margins,
     finite,
     margins_as_json,
+    quantities_of,
     tabulate_spread,
 )
 from .momentum import (
@@ -106,6 +107,9 @@ from .rods import find_rods_of_laws, other_laws, round_up
 from .scenarios import closed_loop_only, doubts, find_worst_scenario
 from .threshold import COILS, ThresholdLaw, threshold_law
 from .year import YearDate, days_of_year
+
+if TYPE_CHECKING:
+    from pandas import DataFrame  # type: ignore[import-untyped]
 
 Array = NDArray[Any]
 LAW = "manager_threshold"
@@ -328,6 +332,11 @@ class DumpSizing:
             "years": finite(self.years),
             "answer": self.answer,
         }
+
+    @property
+    def numbers(self) -> DataFrame:
+        """Return the quantities as a table: value and closed loop, and unit, by title."""
+        return quantities_of(self, "tabulate_dumps")
 
     @property
     def answer(self) -> str:

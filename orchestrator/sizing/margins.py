@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 from math import inf
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from ..report.cases import Margin
 from ..report.table import ROW_UNIT, Column, Row, Table
 from ..system.typed import JsonObject
 from .intervals import AssumptionShare, Interval
+
+if TYPE_CHECKING:
+    from pandas import DataFrame  # type: ignore[import-untyped]
 
 PLURAL = frozenset(("wheels", "coils", "rods"))
 
@@ -30,6 +33,23 @@ def finite(value: Any) -> Any:
 def margins_as_json(margins: Sequence[Margin]) -> list[JsonObject]:
     """Return margins as `--json` prints them."""
     return [finite(m._asdict() | {"margin": m.margin}) for m in margins]
+
+
+def quantities_of(sizing: Any, tabulate: str) -> DataFrame:
+    """Return a table of a sizing's quantities by title, with the unit of each.
+
+    `tabulate` is the function of tables.py that makes it; infinite ones stay.
+    """
+    from importlib import import_module
+
+    from pandas import DataFrame
+
+    # by name: the tables are of sizings, and so lie above them
+    table = getattr(import_module(".tables", __package__), tabulate)(sizing)
+    names = [column.title or "unit" for column in table.columns[1:]]
+    names[0] = names[0] if names[0] != "unit" else "value"
+    rows = {row[0]: row[1:] for row in table.rows}
+    return DataFrame.from_dict(rows, orient="index", columns=names)
 
 
 def describe_margins(target: str, margins: Sequence[Margin]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from math import inf
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from ..analyses.flight import Attitude
 from ..numbers.text import format_duration, format_momenta
@@ -25,12 +25,16 @@ from .margins import (
     describe_margins,
     finite,
     margins_as_json,
+    quantities_of,
     tabulate_spread,
 )
 from .momentum import SourceShare
 from .requirements import SizingRequirements
 from .rods import LARGEST_MULTIPLE, Best, SizingPoint
 from .year import YearDate
+
+if TYPE_CHECKING:
+    from pandas import DataFrame  # type: ignore[import-untyped]
 
 
 class Course(NamedTuple):
@@ -217,6 +221,11 @@ class Sizing:
         else:
             text += f"Its wheels need {format_momenta(needs, has)} each."
         return text + self._width()
+
+    @property
+    def numbers(self) -> DataFrame:
+        """Return the quantities as a table: value, and unit, by title."""
+        return quantities_of(self, "tabulate_quantities")
 
     def _leading(self) -> str:
         """Say which source has most of the secular momentum."""

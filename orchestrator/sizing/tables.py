@@ -43,8 +43,8 @@ def tabulate_quantities(sizing: Sizing) -> Table:
             sizing.wheel_needed,
             "N.m.s",
         ),
-        _capitalised(_body_rate(sizing.body_rate)),
-        *map(_capitalised, _least_attitude(sizing.least_attitude)),
+        _capitalise(_body_rate(sizing.body_rate)),
+        *map(_capitalise, _least_attitude(sizing.least_attitude)),
         *_bias(sizing),
         _duration("Time without dumping until a wheel is full", sizing.time_without),
         (
@@ -109,7 +109,7 @@ def _body_rate(rate: float) -> tuple[str, float | str, str]:
     )
 
 
-def _capitalised(row: tuple[str, float | str, str]) -> Row:
+def _capitalise(row: tuple[str, float | str, str]) -> Row:
     """Return a row whose title begins with a capital letter."""
     title, value, unit = row
     return title[0].upper() + title[1:], value, unit

@@ -187,28 +187,38 @@ def is_run(target: str) -> bool:
 
 
 def side_by_side(
-    targets: Sequence[str],
+    targets: Sequence[str | Run],
     options: Options,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Comparison:
     """Run scenarios now with these options, load run folders, and compare them.
 
+    A target may be a run.
+
     Raises DesatError (or its subclass RunError) where a run cannot begin or does not
     complete.
     """
     # check all targets before the first flies
-    cases = [None if is_run(t) else prepare(t, options) for t in targets]
+    cases = [
+        None if isinstance(t, Run) or is_run(t) else prepare(t, options)
+        for t in targets
+    ]
+    names = [t.manifest.scenario if isinstance(t, Run) else t for t in targets]
+    names = [f"{n} ({k})" if n in names[:k] else n for k, n in enumerate(names)]
     warnings: list[str] = []
     for case in cases:
         if case is not None:
             case.or_raise()
     runs = []
-    for k, (target, case) in enumerate(zip(targets, cases, strict=True), 1):
-        progress(f"{k} of {len(targets)}: {target}")
-        run = load_run(Path(target)) if case is None else simulate(case)
-        runs.append(run.or_raise(target))
-        warnings += [f"{target}: {line}" for line in run.manifest.warnings]
-    return of_runs(targets, runs, warnings)
+    for k, (target, case) in enumerate(zip(targets, cases, strict=True)):
+        progress(f"{k + 1} of {len(targets)}: {names[k]}")
+        if isinstance(target, Run):
+            run = target
+        else:
+            run = load_run(Path(target)) if case is None else simulate(case)
+        runs.append(run.or_raise(names[k]))
+        warnings += [f"{names[k]}: {line}" for line in run.manifest.warnings]
+    return of_runs(names, runs, warnings)
 
 
 def of_runs(

@@ -369,8 +369,8 @@ def test_the_bias_of_size_keeps_all_wheels_from_zero(tmp_path, wheels):
     sizing = size(str(tmp_path / "mine"), Options(), requirements)
     crossings = []
     for bias in (None, f"{sizing.bias_needed}Nms"):
-        run = fly(tmp_path / f"with {bias}", replace(facts, bias=bias), 86400.0)
-        crossings.append(run.manifest.numbers["crossings"].value)
+        flight = fly(tmp_path / f"with {bias}", replace(facts, bias=bias), 86400.0)
+        crossings.append(flight.manifest.numbers["crossings"].value)
     assert crossings[0] > 50
     assert crossings[1] == 0
     values = resolved(str(tmp_path / "mine"), Options())[0].components

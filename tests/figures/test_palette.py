@@ -100,17 +100,17 @@ def ciede2000(first: np.ndarray, second: np.ndarray) -> float:
     ],
 )
 def test_the_difference_is_that_of_its_paper(first, second, difference):
-    found = ciede2000(np.array(first), np.array(second))
-    assert found == pytest.approx(difference, abs=1e-4)
+    value = ciede2000(np.array(first), np.array(second))
+    assert value == pytest.approx(difference, abs=1e-4)
 
 
 @pytest.mark.parametrize("page", PAGES)
 @pytest.mark.parametrize("eyes", EYES)
 def test_any_two_series_differ_by_15(page, eyes):
     colours = PALETTE if page == "light" else PALETTE.values()
-    seen = {c: lab(EYES[eyes] @ linear(c)) for c in colours}
-    for first, second in itertools.combinations(seen, 2):
-        assert ciede2000(seen[first], seen[second]) >= 15.0, (first, second)
+    labs = {c: lab(EYES[eyes] @ linear(c)) for c in colours}
+    for first, second in itertools.combinations(labs, 2):
+        assert ciede2000(labs[first], labs[second]) >= 15.0, (first, second)
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import datetime
 import doctest
 import math
 import re
@@ -144,6 +145,58 @@ def test_series_of_a_kind_share_their_dimension() -> None:
         )
     frame = ds[["wheels.h_wheel", "wheels.speed_wheel"]].to_dataframe()
     assert len(frame) == 61 * 4
+    frame = ds.to_dataframe()
+    assert len(frame) == 61
+    assert frame["wheels.h_wheel[2]"].tolist() == run["wheels.h_wheel"][:, 1].tolist()
+    means = frame["torquers.m_mean_body[z]"]
+    assert means.tolist()[:-1] == run["torquers.m_mean_body"][:, 2].tolist()
+    assert math.isnan(means.iloc[-1])
+
+
+def test_a_run_is_a_mapping_of_its_series() -> None:
+    with library.run(DAY, stop=pd.Timedelta("1min")) as flight:
+        assert flight.manifest.end_time == 60.0
+        assert "wheels.h_wheel" in flight
+        assert "wheels.h" not in flight
+        assert list(flight) == flight.keys() == flight.results.names()
+        two = flight[["wheels.h_wheel", "torquers.m_mean_body"]]
+        assert list(two.data_vars) == ["wheels.h_wheel", "torquers.m_mean_body"]
+        with pytest.raises(library.DesatError, match=r"no series wheels\.h; did you"):
+            flight[["wheels.h_wheel", "wheels.h"]]
+    for span in (datetime.timedelta(seconds=30), np.timedelta64(30, "s")):
+        assert library.run(DAY, stop=span).manifest.end_time == 30.0
+
+
+def test_runs_are_taken_where_targets_are() -> None:
+    runs = [
+        library.run(DAY, {"manager.gain": gain}, stop=6000.0) for gain in (1e-3, 2e-3)
+    ]
+    comparison = library.compare(*runs)
+    assert list(comparison.numbers.columns[2:4]) == [DAY, f"{DAY} (1)"]
+    assert (
+        comparison.numbers.loc["pointing", DAY]
+        == runs[0].numbers.loc["pointing", "value"]
+    )
+    least = library.bound(runs[0])
+    assert 0.0 < least.least < least.energy
+    assert len(runs[0]["time"]) == 6001, "its series are still there"
+
+
+def test_sweeps_and_sizings_have_tables() -> None:
+    axes = {"manager.gain": [1e-3, 2e-3], "torquers.m_limit": [1.0, 2.0]}
+    answer = library.sweep(DAY, axes, stop=60.0).to_xarray()
+    assert dict(answer.sizes) == {"manager.gain": 2, "torquers.m_limit": 2}
+    assert answer["pointing"].attrs["units"] == "deg"
+    row = answer["pointing"].sel({"manager.gain": 2e-3, "torquers.m_limit": 1.0})
+    flight = library.run(
+        DAY, {"manager.gain": 2e-3, "torquers.m_limit": 1.0}, stop=60.0
+    )
+    assert float(row) == flight.numbers.loc["pointing", "value"]
+    sizing = library.size(DAY, stop="2 orbits", year=False, laws=False, flown=False)
+    assert sizing.numbers.loc["Secular torque", "unit"] == "N.m"
+    assert sizing.numbers.loc["Secular torque", "value"] == pytest.approx(
+        np.linalg.norm(sizing.secular)
+    )
 
 
 def test_a_run_plots_what_is_named(tmp_path) -> None:
