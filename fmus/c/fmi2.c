@@ -237,6 +237,13 @@ FMI2_EXPORT void fmi2FreeInstance(fmi2Component p)
     free(c);
 }
 
+/* whether a description has all variables as Real (fmus/reals.py) */
+static bool fmi2_is_of_reals(const char *guid)
+{
+    const size_t size = strlen(fmi2_block->guid);
+    return strncmp(guid, fmi2_block->guid, size) == 0 && strcmp(guid + size, "-reals") == 0;
+}
+
 FMI2_EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid,
                                      fmi2String resources, const fmi2CallbackFunctions *call,
                                      fmi2Boolean visible, fmi2Boolean logging)
@@ -261,8 +268,9 @@ FMI2_EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2St
                                 : v->causality == 'o' ? FMI2_OUTPUT : 0, fmi2_elements(k) };
     }
     strcpy(c->name, name);
+    c->reals = guid != NULL && fmi2_is_of_reals(guid);
     if (type != fmi2CoSimulation || guid == NULL
-        || (strcmp(guid, fmi2_block->guid) != 0 && !fmi2_read_starts(c, resources, guid))) {
+        || (strcmp(guid, fmi2_block->guid) != 0 && !c->reals && !fmi2_read_starts(c, resources, guid))) {
         fmi2_say(c, fmi2Error, type != fmi2CoSimulation ? "it is for co-simulation only"
                                                    : "the guid is that of another FMU");
         fmi2FreeInstance(c);
@@ -412,6 +420,25 @@ static fmi2Status fmi2_not_there(fmi2_instance *c, const char *verb, char kind, 
     return fmi2_fail(c, what, "TypeError", text);
 }
 
+/* an Integer or Boolean where all variables are Reals: its value, whether it can have one, and that */
+static double fmi2_as_real(const fmi2_place *at, const char *self)
+{
+    return at->kind == 'I' ? (double)*(const int64_t *)(self + at->offset)
+                           : (double)*(const bool *)(self + at->offset);
+}
+
+static const char *fmi2_refused(const fmi2_place *at, double x)
+{
+    if (at->kind == 'B') return x == 0.0 || x == 1.0 ? NULL : "0 or 1 is needed";
+    return x == (double)(int64_t)x && fabs(x) < 9e15 ? NULL : "a whole number is needed";
+}
+
+static void fmi2_put_real(const fmi2_place *at, char *self, double x)
+{
+    if (at->kind == 'I') *(int64_t *)(self + at->offset) = (int64_t)x;
+    else *(bool *)(self + at->offset) = x != 0.0;
+}
+
 #define FMI2_GET(FUNCTION, TYPE, KIND, MEMBER, FAILED)                                              \
     FMI2_EXPORT fmi2Status FUNCTION(fmi2Component p, const fmi2ValueReference vr[], size_t n,       \
                                TYPE value[])                                                        \
@@ -426,6 +453,10 @@ static fmi2Status fmi2_not_there(fmi2_instance *c, const char *verb, char kind, 
         for (size_t k = 0; k < n; k++) {                                                            \
             const fmi2ValueReference r = vr[k];                                                     \
             if (PY_RARE(r >= count || at[r].kind != KIND)) {                                        \
+                if (KIND == 'R' && c->reals && r < count) {                                         \
+                    value[k] = (TYPE)fmi2_as_real(at + r, self);                                    \
+                    continue;                                                                       \
+                }                                                                                   \
                 for (k = n; k-- > 0;) value[k] = FAILED;                                            \
                 for (k = 0; vr[k] < count && at[vr[k]].kind == KIND;) k++;                          \
                 return fmi2_not_there(c, "get", KIND, vr[k]);                                       \
@@ -464,17 +495,22 @@ static fmi2Status fmi2_output_set(fmi2_instance *c, char kind, const fmi2ValueRe
         if (c == NULL || (n > 0 && (vr == NULL || value == NULL))) return fmi2Error;                \
         at = c->places, self = c->self;                                                             \
         for (size_t k = 0; k < n; k++) {                                                            \
-            if (PY_RARE(vr[k] >= count || at[vr[k]].kind != KIND))                                  \
+            if (PY_RARE(vr[k] >= count || (at[vr[k]].kind != KIND && !(KIND == 'R' && c->reals))))  \
                 return fmi2_not_there(c, "set", KIND, vr[k]);                                       \
             if (PY_RARE(value[k] - value[k] != 0))                                                  \
                 return fmi2_not_set(c, KIND, vr[k], value[k] != value[k] ? "nan is no number"       \
                                                     : value[k] > 0 ? "inf is no number"             \
                                                     : "-inf is no number");                         \
+            if (PY_RARE(at[vr[k]].kind != KIND && fmi2_refused(at + vr[k], (double)value[k])))      \
+                return fmi2_not_set(c, KIND, vr[k], fmi2_refused(at + vr[k], (double)value[k]));    \
             fixed |= at[vr[k]].fixed;                                                               \
         }                                                                                           \
         if (PY_RARE(fixed & FMI2_OUTPUT)) return fmi2_output_set(c, KIND, vr, n);                   \
         if (fixed && c->now.phase >= FMI2_STEPPING) return fmi2_is_fixed(c, KIND, vr, n);           \
-        for (size_t k = 0; k < n; k++) *(MEMBER *)(self + at[vr[k]].offset) = GIVEN;                \
+        for (size_t k = 0; k < n; k++) {                                                            \
+            if (PY_RARE(at[vr[k]].kind != KIND)) fmi2_put_real(at + vr[k], self, (double)value[k]); \
+            else *(MEMBER *)(self + at[vr[k]].offset) = GIVEN;                                      \
+        }                                                                                           \
         c->now.stale = c->now.phase == FMI2_INITIALISING;                                           \
         return fmi2OK;                                                                              \
     }

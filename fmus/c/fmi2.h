@@ -69,6 +69,7 @@ typedef struct {
     struct fmi2_start *starts; /* start values of a file of the resources */
     size_t start_count;
     fmi2CallbackFunctions call;
+    bool reals; /* all variables are Reals (fmus/reals.py) */
 } fmi2_instance;
 
 /* what fmi3.c makes of fmi2.c */
