@@ -38,7 +38,7 @@ SLOT, EDGE, SPACE, LEGEND = 7.0, 14.0, 26.0, 34.0
 STYLE = """
 .diagram { --ink: #1c2330; --soft: #5b6675; --face: #f4f6f9; --paper: #ffffff; --line: #b8c1cc;
   font: 10px system-ui, "Segoe UI", "DejaVu Sans", sans-serif; }
-@media (prefers-color-scheme: dark) { .diagram { --ink: #e8ecf2; --soft: #a4afbd;
+@media screen and (prefers-color-scheme: dark) { .diagram { --ink: #e8ecf2; --soft: #a4afbd;
   --face: #232a35; --paper: #161b22; --line: #465263; }
   .diagram [stroke^="#"], .diagram [fill^="#"] { filter: brightness(1.6); } }
 .diagram .paper { fill: var(--paper); } .diagram .box { fill: var(--face); stroke: var(--line); }

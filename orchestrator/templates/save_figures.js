@@ -21,3 +21,17 @@
     saveBar(bar, title, () => picture(place), csv);
   }
 })();
+
+// what is folded is open on paper
+(() => {
+  "use strict";
+  const each = (which, change) => document.querySelectorAll(`details${which}`).forEach(change);
+  addEventListener("beforeprint", () => each(":not([open])", (d) => {
+    d.open = true;
+    d.dataset.folded = "";
+  }));
+  addEventListener("afterprint", () => each("[data-folded]", (d) => {
+    d.open = false;
+    delete d.dataset.folded;
+  }));
+})();

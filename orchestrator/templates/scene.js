@@ -372,6 +372,7 @@ function makeScene(root, seek) {
     if (playing) advance();
   });
   addEventListener("resize", draw);
+  addEventListener("beforeprint", draw);
   dark.addEventListener("change", draw);
   return { show, at, turned, get row() { return row; }, get data() { return data; } };
 }

@@ -639,6 +639,7 @@ def _changed(signals: Any, values: Any) -> list[Any]:
 
 
 INACTIVE = {
+    "thrusters.power",  # of a dump's energy alone
     "environment.dipole_earth",
     "environment.earth_angle_start",  # of a dipole's field
     "environment.f107",

@@ -163,6 +163,7 @@ def test_every_product_has_its_source_and_figures_that_can_be():
             "surfaces",
             "dipoles",
             "assumed",
+            "electric",
         }
     )
     for variant in ("class", "product"):
