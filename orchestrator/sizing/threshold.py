@@ -97,6 +97,7 @@ def threshold_law(system: System) -> ThresholdLaw:
     gain = float(values["gain"]) if manager.choice("by") == "both" else 0.0
     block.aligned, block.delay, block.wheel_sample_time = 0.0, 0.0, 0.0
     block.latest = block.period = 0.0
+    block.h_null = 0.0  # the momenta of the model are without the bias
     block.check()
     assert isinstance(block, ManagerThreshold)
     block.by = THRUSTERS

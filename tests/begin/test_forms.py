@@ -25,6 +25,7 @@ from desat.sizing.requirements import SizingRequirements
 from desat.sizing.sizing import size
 from desat.system.errors import DesatError
 from desat.system.options import Options
+from tests.conftest import slow_after
 
 
 class ThrustersNozzles12(ThrustersNozzles, nozzles=12):
@@ -104,6 +105,27 @@ def test_a_wheel_that_is_known_to_have_failed_gets_no_command(tmp_path, wheels):
     assert errors[1] < 0.7 * errors[0]
     assert not commands[3002:, 0].any()
     assert commands[:2990, 0].any()
+
+
+@pytest.mark.parametrize(
+    "wheels", slow_after(1, ["6 pyramid 15mNms", "4 pyramid 15mNms", "5 axes 15mNms"])
+)
+def test_dumps_beside_a_bias_are_sized_as_they_fly(tmp_path, wheels):
+    facts = replace(
+        LOW,
+        rods="none",
+        thrusters="4 10mN",
+        wheels=wheels,
+        dump="thrusters 70:10",
+        residual_dipole="0.1Am2",
+        bias="2mNms",
+    )
+    write(tmp_path / "mine", facts, "")
+    requirements = SizingRequirements(year=False)
+    sizing = size_dumps(str(tmp_path / "mine"), Options(), requirements)
+    sizes = sizing.within or sizing.steady
+    assert sizes.a_week == pytest.approx(sizing.loop["dumps_a_week"], rel=0.05)
+    assert sizes.momentum == pytest.approx(sizing.loop["dump_momentum"], rel=0.05)
 
 
 def test_wheels_that_fail_and_those_left_out_count_together(tmp_path):
