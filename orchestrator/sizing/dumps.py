@@ -119,7 +119,7 @@ TRIED, WAYS, APART = 10, 8, 0.01
 # Maximum number of dumps that are followed after the first, and of steps to follow
 # them.
 MANY, MOST_STEPS = 25, 1_500_000
-NOTHING = DumpCost(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+NOTHING = DumpCost(*[0.0] * len(DumpCost._fields))
 # Numbers of the closed loop that are shown beside the sizes, and their units here.
 LOOP = {
     "dumps_a_week": "1",
@@ -175,6 +175,7 @@ class DumpRates:
     duration: float  # s
     pulses: float
     on_time: float  # s
+    firing: float
     fullest: float = 0.0  # N m s, largest fill at which a dump begins
     # kg, of a dump that waits for the attitude at which its momentum costs least
     least_propellant: float = 0.0
@@ -198,6 +199,7 @@ class DumpRates:
             self.duration,
             self.pulses,
             self.on_time,
+            self.firing,
         )
 
     @property
@@ -292,8 +294,7 @@ class DumpSizing:
     change: str = ""  # the smallest one with which it would hold, as a sentence
     mass: float = 0.0  # kg; 0: unknown
     body_rate: float = inf  # rad/s, that wheels at rest take over; inf: no limit
-    # W/N, electrical power of the thrusters; 0: they take none
-    watts_a_newton: float = 0.0
+    power: float = 0.0  # W, electrical, of a nozzle or axis; 0: it takes none
     # the attitude with least momentum; None: the wanted one, or it cannot be turned
     least_attitude: LeastAttitude | None = None
     end_speed: float | None = None  # rad/s, of the fullest wheel; None: unknown
@@ -509,7 +510,7 @@ def size(
         thresholds=thresholds,
         course=course,
         body_rate=compute_body_rate(hardware),
-        watts_a_newton=values["thrusters"].get("power", 0.0) / float(cost.thrust[0]),
+        power=float(values["thrusters"].get("power", 0.0)),
         least_attitude=find_least_attitude(system, attitude, flight, hardware),
         end_speed=_end_speed(system, hardware, law),
         coil_share=_coil_share(flight, whole_run, hardware, law),

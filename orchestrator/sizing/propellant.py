@@ -73,6 +73,7 @@ class DumpCost(NamedTuple):
     duration: float  # s
     pulses: float  # of the nozzle, or axis, that fires most
     on_time: float  # s, of its pulses, the longest of all
+    firing: float  # s, of all nozzles or axes together
 
 
 @dataclass(frozen=True)
@@ -114,7 +115,7 @@ class ThrusterCost:
         times = self.on_times(u)
         impulse = float(times @ self.thrust)
         if impulse == inf:
-            return DumpCost(inf, inf, inf, inf, inf, inf)
+            return DumpCost(*[inf] * len(DumpCost._fields))
         samples = float(np.linalg.norm(u)) / self.sample_impulse
         pulses = np.minimum(samples, times / self.least_pulse)
         flow = impulse + self.pulse_loss * float(pulses @ self.thrust)
@@ -125,6 +126,7 @@ class ThrusterCost:
             samples * self.sample_time,
             float(pulses.max()),
             float((times / np.maximum(pulses, 1.0)).max()),
+            float(times.sum()),
         )
 
 

@@ -353,11 +353,11 @@ def tabulate_dumps(sizing: DumpSizing) -> Table:
 
 def _energy(sizing: DumpSizing) -> Iterator[Row]:
     """Yield the electric energy of a dump, where the thrusters take some."""
-    if sizing.watts_a_newton > 0.0:
+    if sizing.power > 0.0:
         energy, in_loop = (
             None if x is None else x / 3600.0
             for x in (
-                sizing.steady.impulse * sizing.watts_a_newton,
+                sizing.steady.firing * sizing.power,
                 sizing.loop.get("dump_energy"),
             )
         )

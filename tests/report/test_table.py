@@ -352,6 +352,7 @@ DUMPS = dumps.DumpSizing(
         duration=600.0,
         pulses=60.0,
         on_time=0.3,
+        firing=18.0,
         least_propellant=0.0154,
         least_a_week=0.95,
         most_a_week=0.97,
