@@ -319,8 +319,9 @@ def _effect(row: ComparedNumber) -> str:
 
 
 def _listed(texts: Sequence[str]) -> str:
-    """Join the first `MENTIONED` texts, and count the others."""
-    texts_shown = list(texts[:MENTIONED])
+    """Join the first `MENTIONED` texts, and count the others; a lone one is named too."""
+    is_lone = len(texts) == MENTIONED + 1
+    texts_shown = list(texts if is_lone else texts[:MENTIONED])
     if more := len(texts) - len(texts_shown):
         texts_shown.append(f"{more} more")
     return (

@@ -74,6 +74,7 @@
     ctx.beginPath();
     ctx.rect(left, top, width, height);
     ctx.clip();
+    const named = []; // where limits have their names
     for (const level of plot.across) {
       if (level.low === null) continue; // far beyond: named alone
       const low = u.valToPos(level.low, "y", true);
@@ -92,6 +93,13 @@
       ctx.moveTo(left, low);
       ctx.lineTo(left + width, low);
       ctx.stroke();
+      const at = low > top + 14 * ratio ? low - 4 * ratio : low + 12 * ratio;
+      if (!level.label || named.some((y) => Math.abs(y - at) < 12 * ratio)) continue;
+      named.push(at);
+      ctx.fillStyle = colour(level.colour);
+      ctx.font = `${11 * ratio}px system-ui`;
+      ctx.textAlign = "right";
+      ctx.fillText(level.label.replace(/\s+/g, " "), left + width - 4 * ratio, at);
     }
     for (const line of plot.upright) {
       const x = u.valToPos(line.at, "x", true);
