@@ -283,6 +283,8 @@ def size(
     if (short or unmet) and not axes:
         cases = [f for case, f in flights.items() if _counts(case, bool(unmet))]
         change = _describe_change(sizing, cases, model, hardware)
+        if "thrusters" in system.roles:
+            change += " Its thrusters take what rods leave by --dump 'both 70:10'."
     return replace(
         sizing,
         problems=(*axes, *short, *unmet),

@@ -50,6 +50,7 @@ class ThresholdLaw(NamedTuple):
     latest: float  # N m s, fill from which on no dump waits; inf: there is none
     period: float  # s, between dumps by the calendar; inf: there is none
     gain: float  # 1/s, of coils that work all the time; 0: there are none
+    coil_limit: float  # largest dipole that the law commands over that of a coil
     block: ManagerThreshold  # the manager's block, set to dump at once
     windows: ManagerThreshold | None  # the same with its windows; None: it has none
 
@@ -119,9 +120,19 @@ def threshold_law(system: System) -> ThresholdLaw:
         latest=float(values["latest"]) or inf,
         period=float(values["period"]) or inf,
         gain=gain,
+        coil_limit=_coil_limit(system) if gain > 0.0 else 1.0,
         block=block,
         windows=windows,
     )
+
+
+def _coil_limit(system: System) -> float:
+    """Return the largest dipole that the manager commands over that of a coil, or 1."""
+    law, coils = (
+        float(system.components[name].values["m_limit"])
+        for name in ("manager", "torquers")
+    )
+    return min(1.0, law / coils)
 
 
 def _with_coils(
@@ -202,7 +213,7 @@ class _CoilCourse:
         self._turn, self._away, self._law, self._push = (
             np.stack(x, axis=1) for x in (to_body, away, field, push)
         )
-        self._limit = hardware.m_limit * min(1.0, hardware.longest)
+        self._limit = hardware.m_limit * min(law.coil_limit, hardware.longest)
         self._target = law.target
         self._spread = hardware.spread().T if law.of_wheels else None
         since = flights[0].times - flights[0].times[0]

@@ -411,6 +411,17 @@ def test_rods_that_suffice_leave_the_thrusters_nothing(tmp_path):
     assert "no dump. Its rods of 0.1 A m2 take 100 % of the momentum" in craft.answer
 
 
+@pytest.mark.slow
+def test_what_the_law_commands_at_most_counts_as_smaller_rods(tmp_path):
+    requirements, shares = SizingRequirements(flown=False, year=False), []
+    for rods, values in (("0.004Am2", {"manager.m_limit": 0.002}), ("0.002Am2", {})):
+        write(tmp_path / rods, replace(BOTH, rods=rods), "")
+        craft = str(tmp_path / rods)
+        shares.append(size_dumps(craft, Options(values=values), requirements))
+    assert shares[0].coil_share == pytest.approx(shares[1].coil_share, rel=1e-6)
+    assert shares[0].steady.a_week == pytest.approx(shares[1].steady.a_week, rel=1e-6)
+
+
 def test_coils_work_all_the_time_beside_thrusters():
     block = law(by=2, m_limit=0.5, gain=1e-3, fill=1)
     block.b_body = (0.0, 3e-5, 0.0)
