@@ -52,6 +52,8 @@ def _signature(match: re.Match[str]) -> str:
     owner, _, attribute = name.rpartition(".")
     value = getattr(import_module(owner), attribute)
     first = (inspect.getdoc(value) or "").partition("\n")[0]
+    if isinstance(value, type) and issubclass(value, Exception):
+        return f"- {name}\n\n   {first}"
     signature = str(inspect.signature(value)).replace("'", "")
     return f"- {name}{signature}\n\n   {first}"
 
