@@ -250,7 +250,8 @@ def test_a_newcomer_flies_and_sizes_a_craft(newcomer, tmp_path):
     assert answer["status"] == "completed"
     assert (tmp_path / answer["report"]).is_file()
     message = " ".join(newcomer("size my12u --stop 6000").split())
-    assert message.startswith("my12u holds with margins of ")
+    assert message.startswith("sized: my12u by the model: ")
+    assert " my12u holds with margins of " in message
     assert "Rods of " in message
     assert "it has 0.2 A m2" in message
     assert (tmp_path / "runs" / "size-my12u.html").is_file()
