@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from html import escape
 
 from ..numbers.text import spell_unit
-from .style import COLOURS
+from .style import COLOURS, INK
 
 # columns of the roles; a component of another role stands right of what feeds it
 COLUMNS = (
@@ -29,7 +29,7 @@ PLACES = {role: k for k, roles in enumerate(COLUMNS) for role in roles}
 ORDER = [role for roles in COLUMNS for role in roles]
 
 # the colours of figures that stand out on light and on dark paper
-LINES = [colour for colour in COLOURS if colour != "#303338"]
+LINES = [colour for colour in COLOURS if colour != INK]
 
 # sizes in px
 ROW, TITLE, LETTER, PAD = 15.0, 38.0, 5.7, 10.0

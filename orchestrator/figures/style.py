@@ -26,6 +26,7 @@ PALETTE = {
     "#929c00": "#f3ffa1",  # lime
 }
 COLOURS = tuple(PALETTE)
+INK = "#303338"  # of the palette; drawings whose lines are not series leave it out
 LIMIT = "#b22222"
 # colours of filled limits, in order
 BANDS = ("#b22222", "#e0a100", "#5b7f95")

@@ -1217,10 +1217,7 @@ def _rates_by_threshold(
         begin = share * capacity
         if begin <= 1.05 * law.end:
             continue
-        # the same share of the room above `begin`
-        waiting = (law.latest - law.begin) / (capacity - law.begin)
-        latest = begin + waiting * (capacity - begin) if law.latest < inf else inf
-        other = law._replace(begin=begin, latest=latest)
+        other = law.between(begin, law.end, capacity)
         rates = rates_of(flight, hardware, other, cost)
         yield Threshold(begin, rates.a_week, rates.a_year)
 

@@ -484,7 +484,7 @@ def tabulate_dump_map(dump_map: DumpMap) -> Table:
         if dump_map.tank:
             tanks.append(dump_map.tank / cell.a_year if cell.a_year > 0.0 else inf)
         numbers = [cell.a_week, cell.a_year, *tanks]
-        refusal = ["a pulse is too coarse"] + [""] * (len(numbers) - 1)
+        refusal = ["too near where dumps end"] + [""] * (len(numbers) - 1)
         cells = refusal if isnan(cell.a_week) else numbers
         rows.append((cell.wheel, cell.begin, share, *rods, *cells))
     return Table("Dumps by wheels and thresholds", columns, rows)

@@ -23,10 +23,11 @@ from numpy.typing import NDArray
 
 from desat.components.blocks.manager_threshold import THRUSTERS, ManagerThreshold
 
-from ..analyses.flight import Flight, Hardware
+from ..analyses.flight import Flight, Hardware, hardware_of
 from ..numbers.derived import from_body, rotate
 from ..system.model import System
 from ..system.parameters import bare_block
+from .momentum import smallest_wheel_capacity
 
 Array = NDArray[Any]
 COILS = "coils"  # name of their impulse among the sources of a flight
@@ -48,6 +49,7 @@ class ThresholdLaw(NamedTuple):
     aligned: float  # |h|_1 / |h| up to which a dump begins; 0: it does not wait
     longest_wait: float  # s
     latest: float  # N m s, fill from which on no dump waits; inf: there is none
+    reserve: float  # share (1) of the room above `begin` that is full at `latest`
     period: float  # s, between dumps by the calendar; inf: there is none
     gain: float  # 1/s, of coils that work all the time; 0: there are none
     coil_limit: float  # largest dipole that the law commands over that of a coil
@@ -85,6 +87,16 @@ class ThresholdLaw(NamedTuple):
         shares = [1.0] * len(flights) if fills is None else fills
         return _with_coils(flights, hardware, self, shares, is_repeated)
 
+    def between(self, begin: float, end: float, capacity: float) -> ThresholdLaw:
+        """Return the law with other thresholds (N m s), of wheels of a capacity (N m s).
+
+        A dump waits up to the same share of the room above `begin`.
+        """
+        latest = self.latest
+        if latest < inf:
+            latest = begin + self.reserve * (capacity - begin)
+        return self._replace(begin=begin, end=end, latest=latest)
+
     def at_fill(self, share: float) -> ThresholdLaw:
         """Return the law with all its thresholds at a share of its own."""
         begin, end, latest = (share * x for x in (self.begin, self.end, self.latest))
@@ -108,8 +120,10 @@ def threshold_law(system: System) -> ThresholdLaw:
         assert isinstance(windows, ManagerThreshold)
         windows.start()
         block.windows = (0.0,) * len(block.windows)
+    begin, latest = float(values["begin"]), float(values["latest"]) or inf
+    capacity = smallest_wheel_capacity(hardware_of(system))
     return ThresholdLaw(
-        begin=float(values["begin"]),
+        begin=begin,
         end=float(values["end"]),
         target=np.array(values["h_target_body"], float),
         of_wheels=manager.choice("fill") == "wheels",
@@ -117,7 +131,8 @@ def threshold_law(system: System) -> ThresholdLaw:
         sample_time=float(values["sample_time"]),
         aligned=float(values["aligned"]),
         longest_wait=float(values["longest_wait"]),
-        latest=float(values["latest"]) or inf,
+        latest=latest,
+        reserve=(latest - begin) / max(capacity - begin, 1e-300),
         period=float(values["period"]) or inf,
         gain=gain,
         coil_limit=_coil_limit(system) if gain > 0.0 else 1.0,

@@ -16,7 +16,6 @@ from ..analyses.flight import Flight, Hardware, fly_days, hardware_of, wanted_at
 from ..runs.prepare import prepare, read
 from ..system.errors import DesatError
 from ..system.options import Options
-from ..system.parameters import bare_block
 from ..system.typed import JsonObject
 from . import quantities
 from .dumps import cost_of_thrusters, rates_of
@@ -48,7 +47,7 @@ class DumpCell(NamedTuple):
     begin: float
     end: float
     rod: float
-    a_week: float  # nan: a pulse is too coarse for these thresholds
+    a_week: float  # nan: no dump is possible between these thresholds
     a_year: float
 
 
@@ -99,7 +98,7 @@ def map_of_dumps(
         raise DesatError(
             f"{target}: --rods: no rods work between its dumps; manager.by = both has them"
         )
-    rods = axes.rods
+    rods = tuple(map(quantities.RODS, axes.rods))
     if not rods:
         rods = tuple(x * hardware.m_limit for x in _RODS if law.gain > 0.0) or (0.0,)
     axes = DumpAxes(
@@ -111,11 +110,9 @@ def map_of_dumps(
     progress("the days of the scenario")
     flight = fly_days(system, wanted_attitude(system))
     progress(f"{len(axes.wheels) * len(axes.thresholds) * len(axes.rods)} dumpers")
-    manager = bare_block(system.components["manager"])
-    pulses = max(manager.pulse_body)
     return DumpMap(
         target=target,
-        cells=tuple(_cells(flight, hardware, law, cost, axes, pulses)),
+        cells=tuple(_cells(flight, hardware, law, cost, axes)),
         years=axes.years,
         tank=float(system.components["thrusters"].values.get("tank", 0.0)),
         has_rods=law.gain > 0.0,
@@ -128,9 +125,8 @@ def _cells(
     law: ThresholdLaw,
     cost: ThrusterCost,
     axes: DumpAxes,
-    pulse: float,
 ) -> Iterator[DumpCell]:
-    """Yield the cells of a map, threshold by threshold; `pulse` in N m s."""
+    """Yield the cells of a map, threshold by threshold."""
     end_share = law.end / smallest_wheel_capacity(hardware)
     for rod in axes.rods:
         craft = replace(hardware, m_limit=rod) if law.gain > 0.0 else hardware
@@ -138,8 +134,8 @@ def _cells(
             for percent in axes.thresholds:
                 begin, end = percent / 100.0 * wheel, end_share * wheel
                 cell = DumpCell(wheel, begin, end, rod, nan, nan)
-                if begin - end > max(0.5 * pulse, 0.05 * end):
-                    other = law._replace(begin=begin, end=end, latest=inf)
+                if begin - end > max(0.5 * law.pulse, 0.05 * end):
+                    other = law.between(begin, end, wheel)
                     rates = rates_of(flight, craft, other, cost)
                     cell = cell._replace(a_week=rates.a_week, a_year=rates.a_year)
                 yield cell

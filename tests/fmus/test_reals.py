@@ -150,4 +150,10 @@ def test_the_command_writes_one_block_or_an_own_one(tmp_path, desat):
     assert (file.parent / "reals" / "my_law.fmu").exists()
     process = desat("build", "torquer", "--reals", cwd=tmp_path)
     assert process.returncode == 2
+    for option, message in (
+        (["--fmi", "3"], "--fmi 3: --reals is of FMI 2.0"),
+        (["--platforms", "win64"], "--platforms win64: our blocks stay as they were"),
+    ):
+        refusal = desat("build", "torquers", "--reals", *option, cwd=tmp_path)
+        assert (refusal.returncode, message in refusal.stderr) == (2, True)
     assert "torquer: no native block of ours; did you mean torquers" in process.stderr

@@ -50,7 +50,14 @@ def build(
     from ...files import own
     from ...files.io import replace_text
 
+    if reals and fmi == "3":
+        raise DesatError("--fmi 3: --reals is of FMI 2.0")
     if reals and not own.is_own(str(file)):
+        if platforms:
+            raise DesatError(
+                f"--platforms {platforms}: our blocks stay as they were built; "
+                f"`make fmus PLATFORMS={platforms}` builds them"
+            )
         _print(_write_reals(str(file), into or Path()), as_json)
         return
     built = own.build(file, platforms)
@@ -66,23 +73,23 @@ def build(
             f"{file.name}: FMI 3.0 is for native FMUs, and there is none of it: "
             f"{built.reason}"
         )
-    if reals and built.native is not None:
+    if reals:
         from desat.fmus.reals import repack
 
+        if built.native is None:
+            raise DesatError(
+                f"{file.name}: --reals: there is no native FMU: {built.reason}"
+            )
         place = folder / "reals" / built.native.name
         _print({"reals": str(repack(built.native, place))}, as_json)
         return
     files_written = {}
     for kind, fmu in printed.items():
-        if fmu is not None and not reals:
+        if fmu is not None:
             target = folder / ("" if kind == "python" else kind) / fmu.name
             target.parent.mkdir(parents=True, exist_ok=True)
             replace_text(target, fmu.read_bytes())
             files_written[kind] = str(target)
-    if reals and built.native is None:
-        raise DesatError(
-            f"{file.name}: --reals: there is no native FMU: {built.reason}"
-        )
     reason = {"why": built.reason} if built.reason and as_json else {}
     _print({**files_written, **reason}, as_json)
     if built.reason and not as_json:
