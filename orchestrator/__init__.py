@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from .analyses.coil_bound import CoilBound
     from .analyses.lower_bound import LowerBound
     from .begin.facts import Facts
-    from .campaign.draws import Sweep
     from .campaign.sampling import Sampling
+    from .campaign.sweep import Sweep
     from .papers.tables import tables
     from .runs.case import Case
     from .runs.prepare import prepare
@@ -786,7 +786,7 @@ def sweep(
     >>> swept.numbers["manager.gain"].tolist()
     [0.001, 0.002]
     """
-    from .campaign import draws as study
+    from .campaign import sweep as study
     from .runs.program import options_of
     from .runs.progress import in_notebook
     from .system.program_values import plain_values

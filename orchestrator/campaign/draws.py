@@ -5,17 +5,17 @@ The values are drawn in `sampling.py`.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..analyses import Analysis, analyses, coverage
 from ..analyses.manifest import Stopped
 from ..files.draft import Draft
 from ..language.content import Content, content_of, overridden_by
 from ..numbers.numbers import late
+from ..numbers.verdicts import Verdict
 from ..runs.cases import Cases
 from ..runs.prepare import prepare, read, with_stop
 from ..runs.progress import progress as shown
@@ -23,15 +23,10 @@ from ..runs.run import Options, Run, simulate
 from ..runs.substep_choice import choose_for_cases
 from ..system.errors import DesatError, Exit, RunError
 from ..system.model import AUTO, System
-from ..system.parameters import parse_assignment
 from ..system.typed import JsonObject
 from .sampling import Drawn, draw_of
 from .spread import Spread, spreads, to_json
 from .workers import Here, Local, NoResult, Workers, results
-
-if TYPE_CHECKING:
-    from pandas import DataFrame  # type: ignore[import-untyped]
-    from xarray import Dataset
 
 STOPPED = 128  # exit codes above this are those of a run that somebody stopped
 
@@ -50,6 +45,8 @@ class RunRow:
     # title and unit of the numbers, and of other values of a row
     described: Mapping[str, dict[str, str]] = field(default_factory=dict)
     number: int | None = None  # of the draw or of the case; None: nothing was drawn
+    # on the requirements that the run decides
+    verdicts: Mapping[str, Verdict] = field(default_factory=dict)
 
     @property
     def completed(self) -> bool:
@@ -88,103 +85,13 @@ class Draws:
             "scenario": self.scenario,
             "seed": self.seed,
             "draws": [row.to_json() for row in self.rows],
-            "stopped": _count_stopped(self.rows),
+            "stopped": count_stopped(self.rows),
             "summary": to_json(self.summary),
             "warnings": self.warnings,
         }
 
 
-@dataclass(frozen=True)
-class SweepPoint:
-    """Combination of values, with the rows of its runs."""
-
-    values: Mapping[str, Any]
-    rows: Sequence[RunRow]
-    summary: Mapping[str, Spread]
-
-    @property
-    def has_draws(self) -> bool:
-        """Return whether the runs are draws."""
-        return self.worst.number is not None
-
-    @property
-    def worst(self) -> RunRow:
-        """Return the row with the largest exit code."""
-        return max(self.rows, key=lambda row: row.code)
-
-    @property
-    def message(self) -> str:
-        """Return the message of the worst row, with its draw."""
-        worst = self.worst
-        has_both = self.has_draws and worst.message
-        return f"draw {worst.number}: {worst.message}" if has_both else worst.message
-
-    def to_json(self) -> JsonObject:
-        """Return values, medians and worst end; with draws also the spreads."""
-        entry = {
-            "values": self.values,
-            "numbers": {
-                name: spread.levels["median"] for name, spread in self.summary.items()
-            },
-            "stopped": _count_stopped(self.rows),
-            "status": self.worst.status,
-            "code": self.worst.code,
-            "message": self.message,
-        }
-        if self.has_draws:
-            entry["summary"] = to_json(self.summary)
-        return entry
-
-
-@dataclass(frozen=True)
-class Sweep:
-    """System at every combination of some parameters' values."""
-
-    scenario: str
-    axes: Mapping[str, Sequence[Any]]
-    draws: int
-    seed: int | None
-    units: Mapping[str, str]
-    points: Sequence[SweepPoint]
-    warnings: Sequence[str]
-
-    @property
-    def numbers(self) -> DataFrame:
-        """Return a table: the values of each combination, and its numbers in their units.
-
-        With samples they are medians.
-        """
-        from pandas import DataFrame
-
-        return DataFrame(
-            [
-                {**p.values, **{n: x.levels["median"] for n, x in p.summary.items()}}
-                for p in self.points
-            ]
-        )
-
-    def to_xarray(self) -> Dataset:
-        """Return the numbers as an xarray Dataset over the parameters.
-
-        Raises
-        ------
-        DesatError
-            If values of a parameter are arrays, which are no coordinates.
-        """
-        for name, values in self.axes.items():
-            if any(isinstance(x, (list, tuple)) for x in values):
-                raise DesatError(f"{name}: its values are arrays, no coordinates")
-        numbers: Dataset = self.numbers.set_index(list(self.axes)).to_xarray()
-        for number, values_of_number in numbers.data_vars.items():
-            values_of_number.attrs["units"] = self.units.get(str(number), "")
-        return numbers
-
-    def to_json(self) -> JsonObject:
-        """Return the sweep as `desat sweep --json` prints it."""
-        return {**vars(self), "points": [point.to_json() for point in self.points]}
-
-
-def _count_stopped(rows: Sequence[RunRow]) -> int:
+def count_stopped(rows: Sequence[RunRow]) -> int:
     """Count the runs that ended early."""
     return sum(row.stopped_when is not None for row in rows)
 
@@ -278,6 +185,7 @@ def ran(
             name: {"title": n.title, "unit": n.unit}
             for name, n in manifest.numbers.items()
         },
+        verdicts=manifest.verdicts,
     )
     look(run)
     run.results.close()
@@ -422,110 +330,3 @@ def summary(rows: Sequence[RunRow], late: Collection[str]) -> dict[str, Spread]:
     descriptions = completed[0].described if completed else {}
     units = {name: d["unit"] for name, d in descriptions.items()}
     return spreads([r.numbers for r in completed], units, late)
-
-
-# --- Sweeps over combinations of parameter values -------------------------------------
-
-
-def axes_of(texts: Sequence[str]) -> dict[str, list[Any]]:
-    """Parse texts as `manager.gain=1,2,3` to `component.parameter` -> its values.
-
-    Array values are separated by `;`.
-
-    Raises
-    ------
-    DesatError
-        If a text has another form, or a name comes twice.
-    """
-    axes: dict[str, list[Any]] = {}
-    for text in texts:
-        name, _, values = text.partition("=")
-        parts = [v.strip() for v in values.split(";" if ";" in values else ",")]
-        if "." not in name or not all(parts):
-            raise DesatError(f"{text}: the form is component.parameter=a,b,c")
-        if name.strip() in axes:
-            raise DesatError(f"{text}: {name} is there already")
-        axes[name.strip()] = [parse_assignment(f"{name}={v}")[2] for v in parts]
-    return axes
-
-
-def sweep(
-    target: str,
-    axes: Mapping[str, Sequence[Any]],
-    options: Options | None = None,
-    jobs: int = 2,
-    progress: bool = False,
-    *,
-    draws: int = 0,
-    seed: int = 1,
-) -> Sweep:
-    """Run a system at the product of the axes' values.
-
-    The axes are "component.parameter" -> values in SI. With `draws`, that number of
-    seeded draws runs at each combination, and its numbers are medians.
-
-    Raises
-    ------
-    DesatError
-        If a parameter is unknown, a value is out of bounds, or an axis is also drawn.
-    """
-    options = options or Options()
-    if not axes or not all(axes.values()):
-        raise DesatError(
-            "a sweep needs a parameter and its values: component.parameter=a,b,c"
-        )
-    cases = Cases(read(target))
-    system = cases.draft(options.blocks)
-    options = with_stop(cases.scenario, options)
-    for name in axes if draws else ():
-        if dispersed := overridden_by(system, name):
-            raise DesatError(
-                f"{target}: {name}: {dispersed[0]} is sampled, and so cannot be an axis"
-            )
-    points = [
-        dict(zip(axes, v, strict=True)) for v in itertools.product(*axes.values())
-    ]
-    warnings = _warnings(cases, axes, options)
-    tasks = [
-        (target, replace(options, values={**options.values, **point}), seed, draw)
-        for point in points
-        for draw in (range(draws) if draws else (None,))
-    ]
-    rows = rows_of(tasks, jobs, target, progress, cases)
-    count = max(draws, 1)
-    times = late(content_of(system.about))
-    groups = []
-    for i, point in enumerate(points):
-        group = rows[i * count : (i + 1) * count]
-        groups.append(SweepPoint(point, group, summary(group, times)))
-    units = {name: spread.unit or "" for name, spread in summary(rows, times).items()}
-    return Sweep(
-        scenario=target,
-        axes={name: list(values) for name, values in axes.items()},
-        draws=draws,
-        seed=seed if draws else None,
-        units=units,
-        points=groups,
-        warnings=warnings,
-    )
-
-
-def _warnings(
-    cases: Cases, axes: Mapping[str, Sequence[Any]], options: Options
-) -> list[str]:
-    """Collect the warnings for each value, with the first value of all other axes.
-
-    Raises DesatError for problems.
-    """
-    first = {name: values[0] for name, values in axes.items()}
-    tried = [
-        first,
-        *({**first, name: v} for name, values in axes.items() for v in values[1:]),
-    ]
-    lines: dict[str, None] = {}
-    for point in tried:
-        values = {**options.values, **point}
-        case = prepare(cases.scenario, replace(options, values=values))
-        case.or_raise()
-        lines |= dict.fromkeys(case.warnings)
-    return list(lines)

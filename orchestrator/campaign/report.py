@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 import warnings
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -34,7 +33,7 @@ from ..language.scenario import Plot
 from ..numbers.limits import limits_of
 from ..numbers.numbers import late
 from ..numbers.text import number as shown
-from ..numbers.text import spell_unit
+from ..numbers.text import short_title, spell_unit
 from ..report.cases import CraftCases, find_cases
 from ..report.report import data_element, figures_of, render, write_page
 from ..report.table import ROW_UNIT, Column, Row, Table, or_not_reached
@@ -47,7 +46,7 @@ from . import store
 from .case import POINTS
 from .judged import CaseVerdict, requirement, rerun
 from .plan import CampaignPlan, cases_of, changed, read, system
-from .sampling import axes, sensitivity, unit_cube
+from .sampling import axes, describe_parameter, sensitivity, unit_cube
 from .spread import Spread, to_json
 
 
@@ -454,7 +453,6 @@ def _figures(
     figures = [*_curves(folder, plan)]
     table = store.read(folder)
     good = _completed_cases(table)
-    descriptions = store.described(folder)
     strongest = {d.number: d for d in reversed(summarised.drivers)}  # by number
     for driver in sorted(strongest.values(), key=lambda d: -abs(d.correlation))[
         :_SCATTERS
@@ -463,29 +461,12 @@ def _figures(
         y = flat(table[f"out.{driver.number}"])[good]
         spread = summarised.numbers[driver.number]
         caption = f"{spread.title} over {driver.input}, rank correlation {driver.correlation:.2f}"
-        label = axis_label(_short(spread.title or ""), spread.unit or "", 2.4)
-        unit = descriptions.get(f"in.{driver.input.partition('[')[0]}", {}).get(
-            "unit", ""
-        )
-        below = axis_label(_of_input(plan, driver.input), unit, 6.0)
+        label = axis_label(short_title(spread.title or ""), spread.unit or "", 2.4)
+        below = axis_label(*describe_parameter(system(plan), driver.input), 6.0)
         figures.append(
             _PageFigure(caption, scattered({"": (x, y)}, below, label, size=2.0))
         )
     return figures
-
-
-def _of_input(plan: CampaignPlan, name: str) -> str:
-    """Describe a sampled parameter, as in `wheels: axial momentum at the start, 2`."""
-    owner, _, variable = name.partition(".")
-    variable, _, element = variable.partition("[")
-    component = system(plan).components.get(owner)
-    interface = None if component is None else component.interface
-    signals = interface.elements.get(variable, ()) if interface is not None else ()
-    if not signals or not signals[0].description:
-        return name
-    return (
-        f"{owner}: {signals[0].description}{', ' * bool(element)}{element.rstrip(']')}"
-    )
 
 
 class _Small(NamedTuple):
@@ -528,7 +509,7 @@ def _histograms(folder: Path, summarised: CampaignSummary) -> list[_Small]:
         )
         unit = spread.unit or ""
         near = [value for _, value in lines if _is_near(value, edges)]
-        fig, ax = histogram(_short(spread.title or name), unit, count, edges, near)
+        fig, ax = histogram(short_title(spread.title or name), unit, count, edges, near)
         bar = np.clip(np.searchsorted(edges, values, "right") - 1, 0, len(count) - 1)
         figures.append(
             _Small(
@@ -545,11 +526,6 @@ def _histograms(folder: Path, summarised: CampaignSummary) -> list[_Small]:
             )
         )
     return figures
-
-
-def _short(title: str) -> str:
-    """Return a title without what it says in brackets or after a colon or comma."""
-    return re.split(r" \(|[:,;]", title)[0]
 
 
 def _is_near(limit: float, edges: Array) -> bool:

@@ -96,6 +96,24 @@ def axes(system: Draft) -> tuple[list[str], list[int]]:
     return list(spread), [_axes_of(system, n, s) for n, s in spread.items()]
 
 
+def describe_parameter(system: Draft | System, name: str) -> tuple[str, str]:
+    """Describe a parameter, as `wheels: axial momentum at the start, 2`, with its unit.
+
+    Its own name stands for one without a description.
+    """
+    owner, _, variable = name.partition(".")
+    variable, _, element = variable.partition("[")
+    component = system.components.get(owner)
+    interface = None if component is None else component.interface
+    signals = interface.elements.get(variable, ()) if interface is not None else ()
+    if not signals or not signals[0].description:
+        return name, ""
+    text = (
+        f"{owner}: {signals[0].description}{', ' * bool(element)}{element.rstrip(']')}"
+    )
+    return text, signals[0].unit_name
+
+
 def _axes_of(system: Draft | System, name: str, spec: Dispersion) -> int:
     """Return how many uniform numbers a drawn value takes."""
     size = _size(system, name)

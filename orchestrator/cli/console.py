@@ -273,8 +273,8 @@ def print_table(table: Table, *, is_folded: bool = False) -> None:
     table
         The table; nothing is printed if it has no rows.
     is_folded
-        Whether long texts are folded to the width of the terminal. Numbers are not: a
-        truncated number would be another one.
+        Whether long texts are folded to the width of the terminal. Numbers and names
+        are not: a truncated one would be another one.
     """
     if not table.rows:
         return
@@ -288,7 +288,9 @@ def print_table(table: Table, *, is_folded: bool = False) -> None:
     headings = list(map(out.render_str, table.headings()))
     # a column that is not folded has its width from here: the library measures twice
     widths = [
-        None if is_folded else max(text.cell_len for text in texts)
+        None
+        if is_folded and any(" " in text.plain for text in texts[1:])
+        else max(text.cell_len for text in texts)
         for texts in zip(headings, *rows, strict=True)
     ]
     for heading, column, width in zip(headings, table.columns, widths, strict=True):

@@ -15,7 +15,7 @@ from ..numbers.numbers import sample_time_of, scale
 from ..numbers.shapes import alternate, shape_of
 from ..system.errors import DesatError, nearest
 from ..system.expression import Table
-from .canvas import INCH, Axes, Figure, Strip
+from .canvas import INCH, Axes, Figure, Strip, Ticks
 from .style import (
     BANDS,
     BINS,
@@ -521,3 +521,36 @@ def scattered(
         ax.plot([0, top], [0, top], "#888888", width=0.9, dash=DOTTED, label=diagonal)
     ax.make_room()
     return fig
+
+
+# Colours of the cells of a map, from the smallest value to the largest.
+SHADES = ("#fdf3c0", "#f6d36b", "#7ecb8f", "#35a3a0", "#2a6fb0", "#33307e", "#1a1037")
+NONE = "#c9c9c9"
+
+
+def colour_cells(
+    ax: Axes, levels: Any, names: Sequence[str], none: str, has_legend: bool = True
+) -> None:
+    """Colour the cells of a map by their levels (rows, columns), integers.
+
+    Level i has the name `names[i]`; cells of the level after the last one are grey and
+    have the name `none`.
+    """
+    last = max(1, len(names) - 1)
+    shades = [SHADES[round(i * (len(SHADES) - 1) / last)] for i in range(len(names))]
+    for i, colour in enumerate([*shades, NONE]):
+        label = [*names, none][i] if has_legend else ""
+        cells = np.argwhere(levels == i)
+        if label and not len(cells):  # outside the axes, for the legend
+            ax.area([-9.0, -8.0], -9.0, -8.0, colour, label=label)
+        for row, column in cells:
+            ax.area([column, column + 1.0], row, row + 1.0, colour, label=label)
+            label = ""
+    ax.x.low, ax.y.low = 0.0, 0.0
+    ax.y.high, ax.x.high = map(float, levels.shape)
+    ax.x.margin = ax.y.margin = 0.0
+
+
+def cell_ticks(texts: Sequence[str]) -> Ticks:
+    """Return ticks in the middle of cells."""
+    return Ticks(tuple(i + 0.5 for i in range(len(texts))), tuple(texts))

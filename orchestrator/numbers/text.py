@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from math import inf
 from typing import Any
@@ -18,6 +19,11 @@ def number(x: Any) -> str:
     if x != 0.0 and not 1e-3 <= abs(x) < 1e9:
         return f"{x:.3e}"
     return f"{x:.4g}" if abs(x) < 1000 else f"{x:,.0f}"
+
+
+def short_title(title: str) -> str:
+    """Return a title without what it says in brackets or after a colon or comma."""
+    return re.split(r" \(|[:,;]", title)[0]
 
 
 def spell_unit(unit: str) -> str:

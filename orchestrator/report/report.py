@@ -5,9 +5,12 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 from markupsafe import Markup
 
 from ..analyses import analyses, management
@@ -56,6 +59,11 @@ def write_page(path: Path, text: str) -> Path:
     """Write a page under a temporary name, then rename."""
     replace_text(path, text)
     return path
+
+
+def versions() -> str:
+    """Return the date and the versions that a page was made with."""
+    return f"{datetime.now(UTC).date().isoformat()}, desat {version('desat')}, numpy {np.__version__}"
 
 
 def label_of(manifest: Manifest) -> str:

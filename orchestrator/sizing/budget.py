@@ -18,13 +18,12 @@ from typing import Any
 
 from ..files.io import replace_text
 from ..report.cases import tabulate_margins
-from ..report.report import render
+from ..report.report import render, versions
 from ..report.table import Column, Table
 from ..system.errors import DesatError
 from . import tables
 from .dumps import DumpSizing
 from .margins import tabulate_spread
-from .page import versions
 from .result import Sizing
 
 CRAFT = "craft.toml"

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ..figures.canvas import Figure, Ticks
+from ..figures.plots import cell_ticks, colour_cells
 from ..figures.style import (
     COLOURS,
     DASHED,
@@ -22,7 +20,7 @@ from ..figures.style import (
 )
 from ..numbers.text import format_momenta
 from ..report.cases import tabulate_margins
-from ..report.report import figures_of, render, write_page
+from ..report.report import figures_of, render, versions, write_page
 from ..report.table import Table
 from . import tables
 from .dumps import DumpSizing
@@ -30,15 +28,6 @@ from .map import SizingMap
 from .margins import tabulate_spread
 from .result import Sizing
 from .trade import DumpMap
-
-# colours from the smallest to the largest rod of a map
-SHADES = ("#fdf3c0", "#f6d36b", "#7ecb8f", "#35a3a0", "#2a6fb0", "#33307e", "#1a1037")
-NONE = "#c9c9c9"
-
-
-def versions() -> str:
-    """Return the date and the versions that a page was made with."""
-    return f"{datetime.now(UTC).date().isoformat()}, desat {version('desat')}, numpy {np.__version__}"
 
 
 def write_sizing(sizing: Sizing, path: Path) -> Path:
@@ -205,9 +194,11 @@ def _write_map(
     """Write the page of a map and return its path."""
     path.parent.mkdir(parents=True, exist_ok=True)
     text = render(
-        "sizing_map.html",
+        "study.html",
         title=title,
+        answer="",
         about=about,
+        first=(),
         heading=heading,
         tables=tables_shown,
         notes=notes,
@@ -474,41 +465,16 @@ def heat_map(sizing_map: SizingMap, law: int) -> Figure:
             "inclination [deg]",
             "altitude [km]" if column == 0 else "",
         )
-        _cells(ax, holds[:, :, k], rods, legend=k == min(1, count - 1))
-        ax.x.ticks = _ticks(axes.inclinations)
-        ax.y.ticks = _ticks([a / 1e3 for a in axes.altitudes])
-        ax.x.low, ax.x.high, ax.y.low, ax.y.high = (
-            0.0,
-            len(axes.inclinations),
-            0.0,
-            len(axes.altitudes),
+        smallest = np.where(
+            holds[:, :, k].any(axis=2), holds[:, :, k].argmax(axis=2), len(rods)
         )
-        ax.x.margin = ax.y.margin = 0.0
+        colour_cells(
+            ax,
+            smallest.T,
+            [f"{rod:.3g} A m2" for rod in rods],
+            "none of them",
+            has_legend=k == min(1, count - 1),
+        )
+        ax.x.ticks = cell_ticks([f"{v:g}" for v in axes.inclinations])
+        ax.y.ticks = cell_ticks([f"{a / 1e3:g}" for a in axes.altitudes])
     return fig
-
-
-def _cells(ax: Any, holds: Any, rods: Sequence[float], legend: bool) -> None:
-    """Colour the cells by the smallest rod that holds in them."""
-    smallest = np.where(holds.any(axis=2), holds.argmax(axis=2), len(rods))
-    shades = [
-        SHADES[round(i * (len(SHADES) - 1) / max(1, len(rods) - 1))]
-        for i in range(len(rods))
-    ]
-    for i, colour in enumerate([*shades, NONE]):
-        label = f"{rods[i]:.3g} A m2" if i < len(rods) else "none of them"
-        label = label if legend else ""
-        cells = np.argwhere(smallest == i)
-        if not len(cells):
-            if label:
-                ax.area([-9.0, -8.0], -9.0, -8.0, colour, label=label)
-            continue
-        for column, row in cells:
-            ax.area([column, column + 1.0], row, row + 1.0, colour, label=label)
-            label = ""
-
-
-def _ticks(values: Sequence[float]) -> Ticks:
-    """Return ticks in the middle of cells."""
-    return Ticks(
-        tuple(i + 0.5 for i in range(len(values))), tuple(f"{v:g}" for v in values)
-    )

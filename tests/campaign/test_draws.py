@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 
 import pytest
 
-from desat.campaign.draws import Draws, RunRow, axes_of, draws, one, sweep
+from desat.campaign import sweep_page
+from desat.campaign.draws import Draws, RunRow, draws, one
 from desat.campaign.pairs import common, differences, each_draw
 from desat.campaign.spread import Spread
+from desat.campaign.sweep import axes_of, sweep
+from desat.numbers.text import number
 from desat.runs.cases import Cases
 from desat.runs.prepare import read
 from desat.runs.run import Options, execute
@@ -131,6 +135,35 @@ def test_a_sweep_is_its_runs():
         expected = {n: run.manifest["numbers"][n]["value"] for n in point["numbers"]}
         assert point["numbers"] == expected
     assert result["units"]["coil_load"]
+
+
+@pytest.mark.parametrize(
+    ("texts", "limit", "answer"),
+    [
+        (["manager.gain=1e-3,5e-3"], 1e6, "Holds at all 2 combinations; best at "),
+        (["manager.gain=1e-3,5e-3"], 1e-6, "Holds at none of 2 combinations; nearest"),
+        (["manager.velocity_dumping=true,false"], 1e6, "velocity_dumping = "),
+        (
+            [
+                "manager.gain=1,2,3,4,5,6,7",
+                "manager.null_gain=0.1,0.2,0.3,0.4,0.5,0.6,0.7",
+            ],
+            1e-6,
+            "49",
+        ),
+    ],
+)
+def test_a_sweep_says_where_its_requirements_hold(
+    other, tmp_path, texts, limit, answer
+):
+    """Curves, values that are words, a map: each has the limit."""
+    target = other(f'[requirements.load]\nnumber = "coil_load"\nmax = {limit}\n')
+    result = sweep(target, axes_of(texts), replace(SHORT, stop=10.0), jobs=1)
+    assert answer in result.answer
+    assert all(p["holds"] == (limit > 1.0) for p in result.to_json()["points"])
+    page = sweep_page.write(result, tmp_path / "page.html").read_text("utf-8")
+    assert page.count("<figure") == 3  # the two of NAME are drawn, too
+    assert f"at most {number(limit)}" in page
 
 
 def test_a_sweep_with_draws_has_their_medians():

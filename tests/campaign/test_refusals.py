@@ -16,8 +16,9 @@ from scipy.stats import beta
 
 import desat
 from desat.campaign import case, coordinator, judged, pairs, report, store
-from desat.campaign.draws import draws, sweep
+from desat.campaign.draws import draws
 from desat.campaign.plan import joined
+from desat.campaign.sweep import sweep
 from desat.language.scenario import Requirement
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError, Exit, RunError

@@ -29,7 +29,8 @@ import pytest
 
 from benchmarks import seen, soak
 from desat import cli
-from desat.campaign.draws import draws, sweep
+from desat.campaign.draws import draws
+from desat.campaign.sweep import sweep
 from desat.cli.console import plain_console
 from desat.engine import child
 from desat.engine.recording.recorder import Recorder

@@ -89,7 +89,7 @@ def _print_families(families: list[Family]) -> None:
             family.name,
             len(family.scenarios),
             family.title,
-            next(iter(family.scenarios), ""),
+            min(family.scenarios, key=len, default=""),
         )
         for family in families
     ]

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from pathlib import Path
+from typing import Annotated
 
 import typer
 
-from ...report.table import ROW_UNIT, Cell, Column, Row, Table, or_not_reached
 from .. import options as o
-from ..console import app, err, example, out, print_json, print_table, warn
-
-if TYPE_CHECKING:
-    from ...campaign.draws import Sweep, SweepPoint
+from ..console import app, err, example, name_of, out, print_json, print_table, warn
 
 
 @app.command(
@@ -47,10 +44,19 @@ def sweep(
     fmus: o.Fmus = "native",
     time_limit: o.TimeLimit = None,
     jobs: o.Jobs = o.CPUS,
+    html: Annotated[
+        Path | None,
+        o.output_file("--html", "Where the page goes (default: runs/sweep-NAME.html)."),
+    ] = None,
     as_json: o.Json = False,
 ) -> None:
-    """Run a system at several values of parameters, and print its numbers by value."""
-    from ...campaign import draws as study
+    """Run a system at several values of parameters, and print its numbers by value.
+
+    The first line says where the requirements hold. A page has the curves with the
+    requirements drawn, of two parameters with many values a map.
+    """
+    from ...campaign import sweep as study
+    from ...campaign import sweep_page
 
     if not draws:
         o.refuse(ctx, "it goes with --samples", "seed")
@@ -69,67 +75,19 @@ def sweep(
         target, study.axes_of(axes), options, jobs, not as_json, draws=draws, seed=seed
     )
     warn(result.warnings)
+    page = html or Path("runs") / f"sweep-{name_of(target)}.html"
+    sweep_page.write(result, page)
     if as_json:
-        print_json(result.to_json())
+        print_json({**result.to_json(), "page": str(page)})
     else:
-        _print(result)
+        if result.answer:
+            out.print(result.answer, highlight=False, markup=False)
+        print_table(sweep_page.tabulate(result))
+        if result.draws:
+            out.print(f"medians of {result.draws} draws")
+        out.print(f"page: {page.resolve()}")
     failed_points = [point for point in result.points if not point.worst.completed]
     for point in failed_points:
-        at = ", ".join(f"{name} = {value}" for name, value in point.values.items())
-        err.print(f"{at}: {point.worst.status}: {point.message}")
+        err.print(f"{point.place}: {point.worst.status}: {point.message}")
     if failed_points:
         raise typer.Exit(max(point.worst.code for point in failed_points))
-
-
-def _print(result: Sweep) -> None:
-    """Print the numbers of a sweep."""
-    print_table(_tabulate(result))
-    if result.draws:
-        out.print(f"medians of {result.draws} draws")
-
-
-def _tabulate(result: Sweep) -> Table:
-    """Tabulate the numbers by value; the longer side goes down the page."""
-    points, units = result.points, result.units
-    if len(units) <= len(points):
-        columns = [
-            *(Column(name) for name in result.axes),
-            *(Column(name, unit) for name, unit in units.items()),
-        ]
-        rows: list[Row] = [
-            [
-                *map(_text, point.values.values()),
-                *(_cell(point, name) for name in units),
-            ]
-            for point in points
-        ]
-        return Table("", columns, rows)
-    columns = [
-        Column("", kind="text"),
-        *(Column("", ROW_UNIT) for _ in points),
-        Column("", kind="unit"),
-    ]
-    rows = [
-        [axis, *(_text(point.values[axis]) for point in points), ""]
-        for axis in result.axes
-    ]
-    rows += [
-        [name, *(_cell(point, name) for point in points), unit]
-        for name, unit in units.items()
-    ]
-    return Table("", columns, rows, has_header=False)
-
-
-def _cell(point: SweepPoint, name: str) -> Cell:
-    """Return a number at a point, and in how many samples it is not reached."""
-    spread = point.summary.get(name)
-    value = or_not_reached(spread.levels["median"] if spread else None)
-    missing = spread.not_reached_text if spread and point.has_draws else ""
-    return Cell(value, note=f"not reached: {missing}" if missing else "")
-
-
-def _text(value: Any) -> str:
-    """Format a value."""
-    if isinstance(value, list):
-        return ", ".join(_text(x) for x in value)
-    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,220 @@
+"""Tabulate a sweep, and write its page: curves or maps with the requirements."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..figures.canvas import Axes, Figure
+from ..figures.plots import cell_ticks, colour_cells
+from ..figures.style import COLOURS, DASHED, DASHES, LIMIT, axis_label, figure
+from ..numbers.text import number as shown
+from ..numbers.text import short_title, spell_unit
+from ..report.report import figures_of, render, versions, write_page
+from ..report.table import ROW_UNIT, Cell, Column, Row, Table, or_not_reached
+from .sweep import Sweep, SweepPoint, text_of
+
+LINES = 6  # most lines of a plot; more are a map
+DRAWN = 6  # numbers that a page draws where there is no requirement
+LEVELS = 7  # colours of a map
+
+
+def tabulate(sweep: Sweep, names: Sequence[str] = ()) -> Table:
+    """Tabulate numbers by value, with `names` by their titles; without, all by name.
+
+    The longer side goes down the page.
+    """
+    points = sweep.points
+    units = {name: sweep.units[name] for name in names or sweep.units}
+    titles = {n: short_title(sweep.titles[n]) if names else n for n in units}
+    is_judged = bool(sweep.answer)
+    if len(units) <= len(points):
+        columns = [
+            *(Column(name) for name in sweep.axes),
+            *(Column(titles[name], unit) for name, unit in units.items()),
+            *([Column("holds", kind="text")] if is_judged else []),
+        ]
+        rows: list[Row] = [
+            [
+                *map(text_of, point.values.values()),
+                *(_cell(point, name) for name in units),
+                *([_holds(point)] if is_judged else []),
+            ]
+            for point in points
+        ]
+        return Table("", columns, rows)
+    columns = [
+        Column("", kind="text"),
+        *(Column("", ROW_UNIT) for _ in points),
+        Column("", kind="unit"),
+    ]
+    rows = [
+        [axis, *(text_of(point.values[axis]) for point in points), ""]
+        for axis in sweep.axes
+    ]
+    if is_judged:
+        rows.append(["holds", *map(_holds, points), ""])
+    rows += [
+        [titles[name], *(_cell(point, name) for point in points), unit]
+        for name, unit in units.items()
+    ]
+    return Table("", columns, rows, has_header=False)
+
+
+def _holds(point: SweepPoint) -> Cell:
+    """Return whether a combination holds."""
+    return Cell("yes", mark="ok") if point.holds else Cell("no", mark="bad")
+
+
+def _cell(point: SweepPoint, name: str) -> Cell:
+    """Return a number at a point, and in how many samples it is not reached."""
+    spread = point.summary.get(name)
+    value = or_not_reached(spread.levels["median"] if spread else None)
+    missing = spread.not_reached_text if spread and point.has_draws else ""
+    verdicts = [v for row in point.rows for v in row.verdicts.values()]
+    is_bad = any(v.number == name and not v.met for v in verdicts)
+    return Cell(
+        value,
+        note=f"not reached: {missing}" if missing else "",
+        mark="bad" if is_bad else "",
+    )
+
+
+def write(sweep: Sweep, path: Path) -> Path:
+    """Write the page of a sweep and return its path.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    names = list(dict.fromkeys(r.number for r in sweep.requirements.values()))
+    numbers = [name for name in names if name in sweep.units] or [*sweep.units][:DRAWN]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    about = f"{len(sweep.points)} combinations"
+    if sweep.draws:
+        about += f", each with the same {sweep.draws} samples; numbers are medians"
+    page = render(
+        "study.html",
+        title=f"{sweep.scenario} over {' and '.join(sweep.axes)}",
+        answer=sweep.answer,
+        holds=sweep.holds,
+        about=f"{about}.",
+        first=[tabulate(sweep, numbers)],
+        heading="All numbers",
+        tables=[tabulate(sweep)],
+        notes=sweep.warnings,
+        versions=versions(),
+        **figures_of([(sweep.titles[n], _draw(sweep, n)) for n in numbers]),
+    )
+    return write_page(path, page)
+
+
+def _draw(sweep: Sweep, name: str) -> Figure:
+    """Draw a number over the axis with most values.
+
+    A line stands for each combination of the others; two axes with more than `LINES`
+    are a map.
+    """
+    over = max(sweep.axes, key=lambda axis: len(sweep.axes[axis]))
+    others = [axis for axis in sweep.axes if axis != over]
+    lines = math.prod(len(sweep.axes[axis]) for axis in others)
+    if lines > LINES and len(others) == 1:
+        return _map(sweep, name, over, others[0])
+    fig, ax = figure()
+    _draw_lines(ax, sweep, name, over)
+    for place, limit in _limits(sweep, name):
+        ax.level(limit, LIMIT, width=1.2, dash=DASHED, label=f"{place} {shown(limit)}")
+    ax.y.label = axis_label(short_title(sweep.titles[name]), sweep.units[name], 2.6)
+    ax.x.label = axis_label(*sweep.axis_titles[over], 6.0)
+    return fig
+
+
+def _draw_lines(ax: Axes, sweep: Sweep, name: str, over: str) -> None:
+    """Draw a number over an axis, a line for each combination of the others."""
+    values = sweep.axes[over]
+    is_numeric = all(isinstance(x, (int, float)) for x in values)
+    at = np.array(values if is_numeric else range(len(values)), dtype=float)
+    order = np.argsort(at, kind="stable")
+    lines: dict[str, list[float]] = {}
+    for point in sweep.points:
+        label = ", ".join(
+            f"{axis} = {text_of(x)}" for axis, x in point.values.items() if axis != over
+        )
+        lines.setdefault(label, []).append(_value(point, name))
+    for k, (label, line) in enumerate(lines.items()):
+        ax.plot(
+            at[order],
+            np.array(line)[order],
+            COLOURS[k % len(COLOURS)],
+            width=1.5,
+            marker=5.0,
+            dash=DASHES[k % len(DASHES)],
+            label=label,
+        )
+    ax.x.log = is_numeric and bool(at.min() > 0.0 and at.max() >= 10.0 * at.min())
+    if not is_numeric:
+        ax.x.ticks = cell_ticks([text_of(x) for x in values])
+
+
+def _value(point: SweepPoint, name: str) -> float:
+    """Return the median of a number at a point, nan where there is none."""
+    spread = point.summary.get(name)
+    value = spread.levels["median"] if spread else None
+    return math.nan if value is None else value
+
+
+def _limits(sweep: Sweep, name: str) -> Iterator[tuple[str, float]]:
+    """Yield `at most` and `at least` with the limits of a number."""
+    for entry in sweep.requirements.values():
+        if entry.number == name:
+            extremes = (("at most", entry.max), ("at least", entry.min))
+            yield from ((word, x) for word, x in extremes if x is not None)
+
+
+def _map(sweep: Sweep, name: str, over: str, up: str) -> Figure:
+    """Draw a number over two axes as a map, with crosses where it is beyond a limit."""
+    values = np.full((len(sweep.axes[up]), len(sweep.axes[over])), np.nan)
+    beyond = np.zeros(values.shape, bool)
+    limits = [r for r in sweep.requirements.values() if r.number == name]
+    places = {
+        axis: {text_of(x): i for i, x in enumerate(sweep.axes[axis])}
+        for axis in (over, up)
+    }
+    for point in sweep.points:
+        cell = tuple(places[axis][text_of(point.values[axis])] for axis in (up, over))
+        values[cell] = _value(point, name)
+        beyond[cell] = not all(r.holds(values[cell]) for r in limits)
+    fig, ax = figure(3.4)
+    _colour(ax, values, spell_unit(sweep.units[name]))
+    row, column = np.nonzero(beyond)
+    if len(row):
+        ax.plot(
+            column + 0.5,
+            row + 0.5,
+            LIMIT,
+            width=0.0,
+            marker=6.0,
+            label=" or ".join(f"not {w} {shown(x)}" for w, x in _limits(sweep, name)),
+        )
+    ax.x.label = axis_label(*sweep.axis_titles[over], 6.0)
+    ax.y.label = axis_label(*sweep.axis_titles[up], 2.6)
+    ax.x.ticks = cell_ticks([text_of(x) for x in sweep.axes[over]])
+    ax.y.ticks = cell_ticks([text_of(x) for x in sweep.axes[up]])
+    return fig
+
+
+def _colour(ax: Axes, values: Any, unit: str) -> None:
+    """Colour cells by equal parts of the range of their values."""
+    there = np.isfinite(values)
+    finite = values[there] if there.any() else np.zeros(1)
+    edges = np.linspace(finite.min(), finite.max(), LEVELS + 1)
+    levels = np.clip(np.searchsorted(edges, values, "right") - 1, 0, LEVELS - 1)
+    levels[~there] = LEVELS
+    texts = [f"{shown(a)} to {shown(b)} {unit}" for a, b in itertools.pairwise(edges)]
+    colour_cells(ax, levels, texts, "not reached")
