@@ -20,7 +20,7 @@ from ..engine.recording.results import Results
 from ..figures.craft import DIRECTIONS, pieces
 from ..runs.drawings import components_by_role
 from ..system.typed import JsonObject
-from ..system.wheels import axes_of
+from ..system.wheels import axes_of, capacities
 
 Array = NDArray[np.float64]
 ROWS = 1500
@@ -58,7 +58,7 @@ def sources_of(roles: Mapping[str, str]) -> dict[str, str]:
         Name of the component of each role.
     """
     environment, craft = roles.get("environment", ""), roles.get("spacecraft", "")
-    wheels = roles.get("wheels")
+    wheels, thrusters = roles.get("wheels"), roles.get("thrusters", "")
     return {
         "r": f"{environment}.r_eci",
         "v": f"{environment}.v_eci",
@@ -67,6 +67,7 @@ def sources_of(roles: Mapping[str, str]) -> dict[str, str]:
         "light": f"{environment}.sunlight",
         "q": f"{craft}.q_bi",
         "h": f"{wheels}.h_wheel" if wheels else f"{craft}.h_copy_wheel",
+        "fired": f"{thrusters}.on_time_nozzle",
     }
 
 
@@ -82,7 +83,7 @@ def view(
     series
         By the names of `sources_of`: position and velocity (rows, 3) m, m/s, field (rows, 3) T, direction
         of the Sun (rows, 3) and attitude (rows, 4), eci; light (rows,); momentum
-        (rows, wheels) N m s.
+        (rows, wheels) N m s; time that each nozzle was open so far (rows, nozzles) s.
     values
         Parameters of spacecraft, wheels, torquers and thrusters.
     """
@@ -98,9 +99,13 @@ def view(
     craft = values.get("spacecraft", {})
     if "h" in rows_by_series:
         wheels = values.get("wheels") or craft
-        rows_by_series["h"] = (
-            rows_by_series["h"] @ axes_of(wheels)[:, : rows_by_series["h"].shape[1]].T
-        )
+        momenta = rows_by_series["h"]
+        largest = capacities(wheels)[: momenta.shape[1]]
+        if np.isfinite(largest).all():
+            rows_by_series["fill"] = momenta[:, largest > 0.0] / largest[largest > 0.0]
+        rows_by_series["h"] = momenta @ axes_of(wheels)[:, : momenta.shape[1]].T
+    if "fired" in rows_by_series:  # since the row before
+        rows_by_series["fired"] = np.diff(rows_by_series["fired"], axis=0, prepend=0.0)
     for name in ("r", "v"):
         if name in rows_by_series:
             rows_by_series[name] = 1e-3 * rows_by_series[name]  # km, km/s
@@ -110,7 +115,7 @@ def view(
         "step": float(times[1] - times[0]),
         "series": {name: _packed(s) for name, s in rows_by_series.items()},
         "colours": DIRECTIONS,
-        "body": _body_of(craft),
+        "body": body_of(craft),
         "craft": [
             p.to_json()
             for p in pieces(
@@ -123,7 +128,7 @@ def view(
     }
 
 
-def _body_of(craft: Mapping[str, Any]) -> JsonObject | None:
+def body_of(craft: Mapping[str, Any]) -> JsonObject | None:
     """Return name, radius (km) and mu (km3/s2) of the Moon or Mars; None: the Earth."""
     for name, (mu, radius, *_) in zip(("Moon", "Mars"), BODIES, strict=True):
         if craft.get("mu") == mu:

@@ -188,6 +188,11 @@ function makeScene(root, seek) {
     return [cross(across, away), across, away];
   }
 
+  function fires(piece) { // whether a nozzle was open since the row before
+    return piece.kind === "nozzle" && series.fired
+      && series.fired[row * data.nozzles + Number(piece.label.slice(1)) - 1] > 0;
+  }
+
   function drawCraft() {
     const { ctx, half } = begin(1);
     const { right, up, toward } = camera(1);
@@ -214,8 +219,10 @@ function makeScene(root, seek) {
         ctx.fill();
         ctx.globalAlpha = 1;
       }
-      ctx.lineWidth = piece.kind === "coil" ? 3 : piece.kind === "axis" ? 1.6 : 1;
+      ctx.lineWidth = piece.kind === "coil" ? 3 : piece.kind === "axis" ? 1.6 : fires(piece) ? 4 : 1;
+      ctx.globalAlpha = piece.kind === "nozzle" && series.fired && !fires(piece) ? 0.45 : 1;
       ctx.stroke();
+      ctx.globalAlpha = 1;
     }
     for (const piece of data.craft) {
       if (piece.kind !== "axis") continue;
@@ -235,13 +242,35 @@ function makeScene(root, seek) {
     if (series.sun) draw(vector("sun", row), data.colours.sun, "Sun", 0.86);
     const h = momentum();
     if (h) draw(h, data.colours.h, "h", Math.max(0.15, 0.86 * length(h) / data.largest));
+    if (series.fill) fillBars(ctx);
+  }
+
+  function fillBars(ctx) { // of each wheel, at the lower left; a full bar is the wheel's capacity
+    const wide = views[1].clientWidth, high = views[1].clientHeight, tall = 34;
+    const middle = 0.5 * high - tall - 18;
+    ctx.fillStyle = css("--ink");
+    ctx.textAlign = "left";
+    ctx.fillText("wheels", 10 - 0.5 * wide, middle - tall - 9);
+    ctx.textAlign = "center";
+    for (let w = 0; w < data.wheels; w++) {
+      const share = series.fill[row * data.wheels + w], x = 12 - 0.5 * wide + 22 * w;
+      const reach = Math.min(1, Math.abs(share)) * tall;
+      ctx.fillStyle = colour(data.colours.h);
+      ctx.fillRect(x, share > 0 ? middle - reach : middle, 12, reach);
+      ctx.strokeStyle = ctx.fillStyle = css(Math.abs(share) > 0.999 ? "--bad" : "--ink");
+      ctx.lineWidth = 1;
+      ctx.strokeRect(x, middle - tall, 12, 2 * tall);
+      ctx.fillText(`w${w + 1}`, x + 6, middle + tall + 9);
+      ctx.fillRect(x, middle - 0.5, 12, 1);
+    }
   }
 
   function say() {
     const t = data.times[row];
-    const [size, name] = data.times[data.count - 1] > 3 * 3600 ? [3600, "h"]
-      : data.times[data.count - 1] > 1200 ? [60, "min"] : [1, "s"];
-    const parts = [`${text(t / size, data.times[data.count - 1] / size / 1e3)} ${name}`];
+    const end = data.times[data.count - 1];
+    const [size, name] = end > 5 * 86400 ? [86400, "d"] : end > 3 * 3600 ? [3600, "h"]
+      : end > 1200 ? [60, "min"] : [1, "s"];
+    const parts = [`${text(t / size, end / size / 1e3)} ${name}`];
     if (data.orbit) {
       const r = length(vector("r", row));
       parts.push(data.centre !== "Sun" ? `altitude ${text(r - data.radius, 1)} km`
@@ -252,6 +281,10 @@ function makeScene(root, seek) {
       parts.push(share > 0.5 ? "in sunlight" : share > 0.01 ? "in penumbra" : "in shadow");
     }
     const h = momentum();
+    if (series.fired) {
+      const open = data.craft.filter(fires);
+      if (open.length) parts.push(`firing: ${open.map((p) => p.label).join(", ")}`);
+    }
     if (h) {
       const [factor, unitName] = data.largest < 1 ? [1e3, "mN m s"] : [1, "N m s"];
       parts.push(`wheels h = ${text(factor * length(h), factor * data.largest / 1e3)} ${unitName}`);
@@ -330,6 +363,8 @@ function makeScene(root, seek) {
     for (let k = 0; series.h && k < told.count; k++) {
       data.largest = Math.max(data.largest, length(vector("h", k)));
     }
+    data.wheels = series.fill ? series.fill.length / told.count : 0;
+    data.nozzles = series.fired ? series.fired.length / told.count : 0;
     data.size = Math.max(...told.craft.flatMap((p) => [...p.faces, ...p.lines]).flat().map(length));
     if (!seenBefore && series.sun && centre && centre !== "Sun") { // the day's side, obliquely
       const sun = vector("sun", 0);

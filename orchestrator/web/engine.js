@@ -196,14 +196,25 @@ class Flight {
       const axes = this.table[view.axes] ?? this.law.values[view.axes];
       const wheels = axes.length / 3;
       const { h } = found;
+      if (this.law.managed) {
+        const { of, there } = this.law.managed;
+        const [spin, limit] = [this.table[of.rotors], this.table[of.limit]];
+        found.fill = Float64Array.from({ length: there.length * count }, (_, i) => {
+          const w = there[i % there.length];
+          return h[Math.floor(i / there.length) * wheels + w] / (spin[w] * limit);
+        });
+      }
       found.h = Float64Array.from({ length: 3 * count }, (_, i) => {
         let sum = 0;
         for (let w = 0; w < wheels; w++) sum += axes[(i % 3) * wheels + w] * h[Math.floor(i / 3) * wheels + w];
         return sum;
       });
     }
-    return { count, first: this.told.start, step: stride * this.told.step, series: found, craft: view.craft,
-      colours: view.colours };
+    if (found.fired) { // since the row before
+      const nozzles = found.fired.length / count;
+      found.fired = found.fired.map((t, i, all) => (i < nozzles ? 0 : t - all[i - nozzles]));
+    }
+    return { ...view, count, first: this.told.start, step: stride * this.told.step, series: found };
   }
 
   times(count) {

@@ -39,7 +39,7 @@ from ..numbers.text import spell_unit
 from ..report.cases import CraftCases, find_cases
 from ..report.policy import part
 from ..report.report import data_element, render
-from ..report.scene import sources_of
+from ..report.scene import body_of, sources_of
 from ..runs import substep_choice
 from ..runs.drawings import craft_of_system
 from ..runs.prepare import prepare, read
@@ -734,6 +734,9 @@ def _view(system: System) -> JsonObject:
         "series": _view_sources(system),
         "axes": axes,
         "colours": DIRECTIONS,
+        "body": body_of(system.roles["spacecraft"].values)
+        if "spacecraft" in system.roles
+        else None,
         "craft": [p.to_json() for p in craft_of_system(system)],
     }
 

@@ -268,6 +268,38 @@ def test_without_a_sun_nothing_is_said_of_light(browser, page):
     tab.close()
 
 
+def test_the_view_shows_how_full_wheels_are_and_which_nozzles_fire(browser, page):
+    """A nozzle fires where it was open since the row before; unknown capacity: no bars."""
+    rows = np.arange(50.0)
+    open_time = np.zeros((50, 8))
+    open_time[20:, 2] = 1e-2
+    series = {
+        "q": np.tile([0.0, 0.0, 0.0, 1.0], (50, 1)),
+        "h": np.outer(rows, [1.0, -0.5, 0.0]) / 49.0,
+        "fired": open_time,
+    }
+    wheels = {"axes_wheel": np.eye(3), "inertia_wheel": 0.01, "speed_limit": 200.0}
+    nozzles = {
+        "position_nozzle": np.ones((8, 3)),
+        "direction_nozzle": np.tile([0.0, 0.0, 1.0], (8, 1)),
+    }
+    craft = {"spacecraft": {}, "wheels": wheels, "thrusters": nozzles}
+    tab = browser.new_page()
+    tab.goto(page.as_uri())
+    show = "([seen, t]) => { desatScene.show(seen); desatScene.at(t); return desatScene.data.wheels; }"
+    seen = view(rows, series, craft)
+    lines = []
+    for t in (19.0, 20.0, 21.0):
+        assert tab.evaluate(show, [seen, t]) == 3
+        lines.append(tab.locator("#scene output").inner_text())
+    assert ["firing: n3" in line for line in lines] == [False, True, False]
+    fill = tab.evaluate("() => desatScene.data.series.fill.scale * 32767")
+    assert fill == pytest.approx(0.5)
+    del wheels["speed_limit"]
+    assert tab.evaluate(show, [view(rows, series, craft), 20.0]) == 0
+    tab.close()
+
+
 def test_without_an_attitude_there_is_no_view():
     assert view(np.arange(5.0), {"r": np.ones((5, 3))}, {}) is None
     assert view(np.arange(1.0), {"q": np.ones((1, 4))}, {}) is None
