@@ -34,6 +34,7 @@ from .policy import PLACEHOLDER, PageScripts, part
 from .run_tables import tabulate_numbers, tabulate_verdicts
 
 REPORT = "report.html"
+GENERATOR = "desat"  # of a page, with its template after it
 
 
 def render(template: str, **values: Any) -> str:
@@ -51,7 +52,10 @@ def render(template: str, **values: Any) -> str:
     )
     scripts = PageScripts()
     environment.globals["run_script"] = scripts.element
-    text = environment.get_template(template).render(policy=PLACEHOLDER, **values)
+    generator = f"{GENERATOR} {template.partition('.')[0]}"
+    text = environment.get_template(template).render(
+        policy=PLACEHOLDER, generator=generator, **values
+    )
     return scripts.complete(text)
 
 

@@ -287,10 +287,10 @@ def test_the_view_shows_how_full_wheels_are_and_which_nozzles_fire(browser, page
     tab = browser.new_page()
     tab.goto(page.as_uri())
     show = "([seen, t]) => { desatScene.show(seen); desatScene.at(t); return desatScene.data.wheels; }"
-    seen = view(rows, series, craft)
+    craft_view = view(rows, series, craft)
     lines = []
     for t in (19.0, 20.0, 21.0):
-        assert tab.evaluate(show, [seen, t]) == 3
+        assert tab.evaluate(show, [craft_view, t]) == 3
         lines.append(tab.locator("#scene output").inner_text())
     assert ["firing: n3" in line for line in lines] == [False, True, False]
     fill = tab.evaluate("() => desatScene.data.series.fill.scale * 32767")

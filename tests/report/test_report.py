@@ -26,6 +26,7 @@ from desat.campaign import store
 from desat.figures import interactive
 from desat.figures.canvas import Figure, Ticks
 from desat.figures.plots import timeline
+from desat.numbers.text import short_title
 from desat.report import report
 from desat.runs.run import Options, execute, load_run
 
@@ -333,12 +334,8 @@ def test_a_limit_far_from_a_distribution_is_named_and_not_drawn():
     edges = np.array([1.0, 2.0, 3.0])
     near = {x: campaign_report._is_near(x, edges) for x in (-4.0, -2.0, 2.5, 6.0, 80.0)}
     assert near == {-4.0: False, -2.0: True, 2.5: True, 6.0: True, 80.0: False}
-    assert (
-        campaign_report._short("Coil duty: mean dipole of the coils (%)") == "Coil duty"
-    )
-    assert campaign_report._short("Largest wheel momentum (share)") == (
-        "Largest wheel momentum"
-    )
+    assert short_title("Coil duty: mean dipole of the coils (%)") == "Coil duty"
+    assert short_title("Largest wheel momentum (share)") == ("Largest wheel momentum")
 
 
 def test_histograms_name_the_cases_of_each_bar(campaign):

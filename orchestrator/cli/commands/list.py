@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 @app.command("list", epilog=example("desat list uosat12"))
 def list_command(
+    ctx: typer.Context,
     family: Annotated[
         str | None,
         typer.Argument(
@@ -30,6 +31,14 @@ def list_command(
     everything: Annotated[
         bool, typer.Option("--all", help="Every scenario by name.")
     ] = False,
+    html: Annotated[
+        bool,
+        typer.Option(
+            "--html",
+            help="Write index.html of a folder (default: this one): its crafts, runs, "
+            "sizings, campaigns and other pages, each with verdict and first picture.",
+        ),
+    ] = False,
     as_json: o.Json = False,
 ) -> None:
     """List the families of scenarios, or the scenarios of one or of a craft's folder.
@@ -39,6 +48,13 @@ def list_command(
     """
     from ...runs import catalogue
 
+    if html:
+        o.refuse(ctx, "it does not go with --html", "everything", "as_json")
+        from ...report.index import write_index
+
+        page, count = write_index(Path(family or "."))
+        out.print(f"page: {page.resolve()} ({count} entries)", highlight=False)
+        return
     if family and (Path(family) / NOMINAL).is_file():
         own_folder = catalogue.of_folder(Path(family))
         if as_json:
