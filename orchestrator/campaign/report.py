@@ -94,6 +94,33 @@ class CampaignSummary:
     sobol: Mapping[str, Any] | None
     folder: Path
 
+    @property
+    def holds(self) -> bool:
+        """Return whether every requirement is shown to be met."""
+        verdicts = self.requirements.values()
+        return bool(verdicts) and all(v.met for v in verdicts)
+
+    @property
+    def answer(self) -> str:
+        """Return the sentence that says what the cases show."""
+        if not self.requirements:
+            return f"{self.completed} of {self.count} cases completed; nothing is required of them"
+        name, worst = min(
+            self.requirements.items(),
+            key=lambda entry: (
+                entry[1].met,
+                entry[1].shown_within / entry[1].requirement.probability,
+            ),
+        )
+        share = (
+            f"{name}: {worst.outside} of {worst.n} cases are outside, so {worst.shown_within:.3g} % "
+            f"or more are within; {100.0 * worst.requirement.probability:g} % are asked, with a "
+            f"confidence of {100.0 * worst.requirement.confidence:g} %"
+        )
+        if self.holds:
+            return f"Shown to hold; the least certain is {share}"
+        return f"Not shown to hold; {share}"
+
     def to_json(self) -> JsonObject:
         """Return the content of report.json."""
         failed = [
@@ -393,16 +420,19 @@ def write(folder: Path) -> tuple[Path, CampaignSummary]:
     plan, summarised = read(folder), summary(folder)
     entry = summarised.to_json()
     write_json(folder / "report.json", entry)
+    numbers = tabulate_numbers(summarised.numbers)
     figures = _figures(folder, plan, summarised)
     text = render(
         "campaign.html",
         told=entry,
+        answer=summarised.answer,
+        holds=summarised.holds,
         cases=_cases(folder, plan),
         plan=plan,
         title=f"{_name_of(plan, summarised)}: campaign of {summarised.count} cases",
         **figures_of([(f.caption, f.figure) for f in figures]),
         commands=[f.commands for f in figures],
-        small=(small := _histograms(folder, summarised)),
+        small=(small := _histograms(folder, summarised, numbers)),
         data=data_element(
             {
                 "command": rerun(folder, "").rstrip(),
@@ -414,7 +444,7 @@ def write(folder: Path) -> tuple[Path, CampaignSummary]:
         ),
         number=shown,
         unit=spell_unit,
-        numbers=tabulate_numbers(summarised.numbers),
+        numbers=numbers,
         kept=sorted(p.name for p in (folder / "kept").glob("*")),
     )
     return write_page(folder / "report.html", text), summarised
@@ -484,8 +514,13 @@ class _Small(NamedTuple):
     cases: Sequence[Sequence[int]]
 
 
-def _histograms(folder: Path, summarised: CampaignSummary) -> list[_Small]:
-    """Draw a histogram of each number that differs between cases."""
+def _histograms(
+    folder: Path, summarised: CampaignSummary, shown_numbers: Table
+) -> list[_Small]:
+    """Draw a histogram of each number that differs between cases, judged ones first.
+
+    Units are those of the table of the numbers.
+    """
     limits: dict[str, list[tuple[str, float]]] = {}
     for name, verdict in summarised.requirements.items():
         entry = verdict.requirement
@@ -497,17 +532,18 @@ def _histograms(folder: Path, summarised: CampaignSummary) -> list[_Small]:
     table, figures = store.read(folder), []
     good = _completed_cases(table)
     numbers = np.array(table["case"].to_pylist())[good]
-    for name, spread in summarised.numbers.items():
-        values = flat(table[f"out.{name}"])[good]
+    for name in sorted(summarised.numbers, key=lambda name: name not in limits):
+        spread = summarised.numbers[name]
+        unit, factor = shown_numbers.scale(spread.unit or "")
+        values = factor * flat(table[f"out.{name}"])[good]
         there = np.isfinite(values)
         cases, values = numbers[there], values[there]
         if not len(values) or np.ptp(values) <= 1e-9 * np.abs(values).max():
             continue
-        lines = limits.get(name, [])
+        lines = [(label, factor * value) for label, value in limits.get(name, [])]
         count, edges = np.histogram(
             values, min(_BARS, max(8, int(np.sqrt(len(values)))))
         )
-        unit = spread.unit or ""
         near = [value for _, value in lines if _is_near(value, edges)]
         fig, ax = histogram(short_title(spread.title or name), unit, count, edges, near)
         bar = np.clip(np.searchsorted(edges, values, "right") - 1, 0, len(count) - 1)

@@ -344,11 +344,8 @@ class Axes:
             lines.append(np.array([[value, top + height], [value, end]]))
             yield Words((value, row), text, self.size, "middle")
         yield Shape(lines, INK, 0.8)
-        if positions.aside:
-            yield Words(
-                (x0 + width, row + 1.2 * self.size), positions.aside, self.size, "end"
-            )
-        for i, text in enumerate(self.x.label.split("\n")):
+        label = f"{self.x.label} {positions.aside}".strip()
+        for i, text in enumerate(label.split("\n")):
             at = (x0 + width / 2, row + (1.3 + 1.2 * i) * self.size)
             yield Words(at, text, self.size, "middle")
 
@@ -703,6 +700,7 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 # Sizes above and below which a power of ten is taken out of all labels of an axis.
 _LARGE, _SMALL = 1e5, 1e-3
+FEWEST_TICKS = 3
 # Decades of a logarithmic axis up to which values between the powers have ticks.
 _FEW = 3
 
@@ -726,11 +724,15 @@ def raised(number: int) -> str:
 def linear(low: float, high: float, most: int) -> Ticks:
     """Return at most `most` ticks from low to high, at a round distance.
 
-    The distance is 1, 2, 2.5 or 5 times a power of ten.
+    The distance is 1, 2, 2.5 or 5 times a power of ten. There are three to five where
+    `most` would leave fewer than three.
     """
     step = nice((high - low) / max(most - 1, 1))
-    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-    values = [k * step for k in range(first, last + 1)]
+    values = _multiples(step, low, high)
+    for part in (0.5, 0.4, 0.25, 0.2):
+        closer = _multiples(nice(part * step), low, high)
+        if len(values) < FEWEST_TICKS <= len(closer) <= max(most, FEWEST_TICKS + 2):
+            step, values = nice(part * step), closer
     largest = max(abs(low), abs(high))
     aside, shift, power = "", 0.0, 0
     if step < 1e-4 * largest:  # all labels would have the same leading digits
@@ -747,6 +749,12 @@ def linear(low: float, high: float, most: int) -> Ticks:
     )
     texts = [f"{(v - shift) / 10.0**power:.{digits}f}" for v in values]
     return Ticks(tuple(values), tuple(minus(t) for t in texts), aside)
+
+
+def _multiples(step: float, low: float, high: float) -> list[float]:
+    """Return the multiples of a step from low to high."""
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    return [k * step for k in range(first, last + 1)]
 
 
 def nice(step: float) -> float:

@@ -145,6 +145,10 @@ class Table:
             scales=self._scales(),
         )
 
+    def scale(self, unit: str) -> tuple[str, float]:
+        """Return the unit in which the table shows another one, and the factor to it."""
+        return self._scales().get(unit, (unit, 1.0))
+
     def _unit(self, column: Column, row: Row) -> str:
         """Return the unit of a column's number in a row."""
         if column.unit != ROW_UNIT:

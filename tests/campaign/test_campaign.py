@@ -576,6 +576,8 @@ def test_requirements_are_judged_with_their_confidence(full_campaign):
     assert low < rate["share_outside"] < high or rate["share_outside"] in (0.0, 100.0)
     text = (full_campaign / "report.html").read_text()
     assert "NOT SHOWN" in text
+    assert "<b>Not shown to hold; " in text
+    assert "% are asked, with a confidence of" in text
     assert text.count("<svg") >= len(answer["numbers"]) / 2
     largest = np.nanmax(
         store.read(full_campaign, store.CURVES)["momentum"].to_pylist(), axis=1
