@@ -194,10 +194,10 @@ def by_ecos(fmu: Path) -> dict[str, float]:
 
 def starts(fmu: Path) -> dict[str, float]:
     """Return the start values of the inputs of an FMU, which some hosts set to 0."""
-    described = fmpy.read_model_description(fmu, validate=False)
+    description = fmpy.read_model_description(fmu, validate=False)
     return {
         v.name: float({"true": 1, "false": 0}.get(v.start, v.start))
-        for v in described.modelVariables
+        for v in description.modelVariables
         if v.causality == "input"
     }
 
