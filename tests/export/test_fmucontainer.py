@@ -65,8 +65,8 @@ def write_container(package, folder, step):
 )
 def test_a_container_gives_the_series_of_a_run(tmp_path, name):
     package = pack_scenario(find(name), tmp_path / "loop.ssp", fmus="native")
-    run = execute(name, Options(algorithm="jacobi", stop=600.0))
-    step = run.manifest["step"]
+    jacobi_run = execute(name, Options(algorithm="jacobi", stop=600.0))
+    step = jacobi_run.manifest["step"]
     path = write_container(package, tmp_path, step)
     description = fmpy.read_model_description(path, validate=False)
     slave = FMU2Slave(
@@ -87,4 +87,4 @@ def test_a_container_gives_the_series_of_a_run(tmp_path, name):
         slave.doStep(k * step, step)
         rows.append(slave.getReal(references))
     slave.freeInstance()
-    assert np.array_equal(rows, columns(run, outputs)[:STEPS])
+    assert np.array_equal(rows, columns(jacobi_run, outputs)[:STEPS])
