@@ -1,15 +1,17 @@
 """`python -m benchmarks.hosts`: every FMU of ours in every host here, into
 docs/hosts.md.
 
-Each block, as Python FMU, native FMU and FMI 3.0, is set up with its start values and
-makes 20 steps of 1 s, alone in a system where a host wants one. All Real outputs at the
-end are held against those that FMPy gets of the native FMU, bit by bit. A host runs in
-a process of its own; an FMU that ends the process is told by its name, and the others
-are tried in a new one.
+Each block, as Python FMU, native FMU, native FMU of Reals alone and FMI 3.0, is set up
+with its start values and makes 20 steps of 1 s, alone in a system where a host wants
+one. All Real outputs at the end are held against those that FMPy gets of the native
+FMU, bit by bit. A host runs in a process of its own; an FMU that ends the process is
+told by its name, and the others are tried in a new one. Hosts are those on the path of
+Python.
 """
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import json
 import re
@@ -19,7 +21,7 @@ import tempfile
 import zipfile
 from collections import defaultdict
 from datetime import date
-from importlib.metadata import version
+from importlib.metadata import packages_distributions, version
 from pathlib import Path
 from textwrap import fill
 from typing import Any
@@ -32,6 +34,7 @@ from desat.engine.instances.base import DTYPE, Clock
 from desat.engine.instances.fmu import FmuInstance
 from desat.files import library, paths
 from desat.fmus.compiler import NoCompilerError, compiler
+from desat.fmus.reals import repack
 from desat.fmus.registry import names
 from desat.system.interface import KINDS as KINDS_OF
 from desat.system.model import Component
@@ -39,14 +42,21 @@ from desat.system.model import Component
 STEPS = 20
 PAGE = Path(__file__).parents[1] / "docs" / "hosts.md"
 BEGIN, END = "<!-- made by `python -m benchmarks.hosts` -->", "<!-- until here -->"
-KINDS = {"native": "native", "fmi3": "FMI 3.0", "python": "Python"}
+KINDS = {
+    "native": "native",
+    "reals": "native, Reals alone",
+    "fmi3": "FMI 3.0",
+    "python": "Python",
+}
 HOST_C = Path(__file__).parents[1] / "tests" / "host.c"
 LIMIT = 600.0
 """s, that one host may take for one kind."""
 
 
-def files(kind: str) -> list[Path]:
-    """Our FMUs of a kind."""
+def files(kind: str, folder: Path) -> list[Path]:
+    """Return our FMUs of a kind; those of Reals alone are written into a folder."""
+    if kind == "reals":
+        return [repack(x, folder / x.name) for x in files("native", folder)]
     return sorted((paths.fmus() / ("" if kind == "python" else kind)).glob("*.fmu"))
 
 
@@ -182,6 +192,61 @@ def by_ecos(fmu: Path) -> dict[str, float]:
         return {name: it.get_real(f"it::{name}") for name in reals(fmu)}
 
 
+def starts(fmu: Path) -> dict[str, float]:
+    """Return the start values of the inputs of an FMU, which some hosts set to 0."""
+    description = fmpy.read_model_description(fmu, validate=False)
+    return {
+        v.name: float({"true": 1, "false": 0}.get(v.start, v.start))
+        for v in description.modelVariables
+        if v.causality == "input"
+    }
+
+
+def by_opensvf(fmu: Path) -> dict[str, float]:
+    """Step an FMU as an equipment of opensvf."""
+    from svf.core.fmu_equipment import FmuEquipment
+    from svf.ground.shm_sync import SharedMemorySyncProtocol
+    from svf.sim.simulation import SimulationMaster
+    from svf.sim.software_tick import SoftwareTickSource
+    from svf.stores.parameter_store import ParameterStore
+
+    sync = SharedMemorySyncProtocol(["it"])
+    equipment = FmuEquipment(fmu, "it", sync, ParameterStore())
+    for name, value in starts(fmu).items():
+        equipment.receive(name, value)
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        SimulationMaster(
+            SoftwareTickSource(), sync, [equipment], dt=1.0, stop_time=float(STEPS)
+        ).run()  # which writes results/seed.json
+    return {name: equipment.read_port(name) for name in reals(fmu)}
+
+
+def by_pathsim(fmu: Path) -> dict[str, float]:
+    """Step an FMU as a block of PathSim."""
+    from pathsim import Connection, Simulation
+    from pathsim.blocks import Constant
+    from pathsim_fmi import CoSimulationFMU
+
+    block = CoSimulationFMU(str(fmu), dt=1.0)
+    sources = {name: Constant(value) for name, value in starts(fmu).items()}
+    links = [Connection(source, block[name]) for name, source in sources.items()]
+    simulation = Simulation([block, *sources.values()], links, dt=1.0, log=False)
+    simulation.run(STEPS - 1.0)  # its last step is made at the end
+    return {name: float(block.outputs[name]) for name in reals(fmu)}
+
+
+def by_cofmupy(fmu: Path) -> dict[str, float]:
+    """Step an FMU by the coordinator of CoFmuPy."""
+    from cofmupy import Coordinator
+
+    coordinator = Coordinator()
+    one = {"id": "it", "path": str(fmu), "initialization": starts(fmu)}
+    coordinator.start({"fmus": [one], "connections": []})
+    for _ in range(STEPS):
+        coordinator.do_step(1.0)
+    return {name: coordinator.get_variable(("it", name))[0] for name in reals(fmu)}
+
+
 def by_c(fmu: Path) -> None:
     """A plain C host in an empty environment: it steps, saves, restores and frees."""
     described = fmpy.read_model_description(fmu, validate=False)
@@ -211,14 +276,26 @@ HOSTS = {
     "FMPy": by_fmpy,
     "libcosim": by_libcosim,
     "Ecos": by_ecos,
+    "opensvf": by_opensvf,
+    "PathSim": by_pathsim,
+    "CoFmuPy": by_cofmupy,
     "desat": by_desat,
 }
 NOT_FOR = {
     ("C", "fmi3"): "FMI 2.0 alone",
     ("libcosim", "fmi3"): "FMI 1.0 and 2.0 alone",
     ("Ecos", "fmi3"): "FMI 1.0 and 2.0 alone",
+    ("opensvf", "fmi3"): "FMI 2.0 alone",
+    ("PathSim", "fmi3"): "no arrays",
+    ("CoFmuPy", "fmi3"): "no arrays",
 }
-NEEDS = {"libcosim": "libcosimpy", "Ecos": "ecospy"}
+NEEDS = {
+    "libcosim": "libcosimpy",
+    "Ecos": "ecospy",
+    "opensvf": "svf",
+    "PathSim": "pathsim_fmi",
+    "CoFmuPy": "cofmupy",
+}
 
 
 def child(host: str, fmus: list[str]) -> None:
@@ -266,8 +343,14 @@ def main() -> None:
     if sys.argv[1:2] == ["--host"]:
         child(sys.argv[2], sys.argv[3:])
         return
+    with tempfile.TemporaryDirectory() as folder:
+        make_table({kind: files(kind, Path(folder)) for kind in KINDS})
+
+
+def make_table(fmus: dict[str, list[Path]]) -> None:
+    """Try FMUs, by their kinds, in all hosts and write the table into the page."""
     rows, failures = [], defaultdict(list)
-    usual = tried("FMPy", files("native"))
+    usual = tried("FMPy", fmus["native"])
     cells = [(kind, host) for kind in KINDS for host in HOSTS]
     found: dict[tuple[str, str], str] = {}
     for kind, host in track(
@@ -276,7 +359,7 @@ def main() -> None:
         if reason := NOT_FOR.get((host, kind)) or _missing(host):
             found[kind, host] = reason
             continue
-        outcomes = tried(host, files(kind))
+        outcomes = tried(host, fmus[kind])
         alike = 0
         for name, line in outcomes.items():
             if "why" in line:
@@ -330,11 +413,9 @@ def _missing(host: str) -> str:
 
 def write(rows: list[str], failure_lines: list[str]) -> None:
     """Put the table between its marks on the page."""
-    versions = ", ".join(
-        f"{name} {version(name)}"
-        for name in ("FMPy", *NEEDS.values())
-        if importlib.util.find_spec(name.lower())
-    )
+    packages = packages_distributions()
+    distributions = [packages.get(name) for name in ("fmpy", *NEEDS.values())]
+    versions = ", ".join(f"{x[0]} {version(x[0])}" for x in distributions if x)
     table = [
         BEGIN,
         fill(

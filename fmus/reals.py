@@ -3,7 +3,8 @@
 The library stays; the description has each Integer, enumeration and Boolean as a Real
 of the same reference, with its values 0, 1, ... in its text. It has a GUID of its own,
 by which the library knows that such a host sets and gets them (c/fmi2.c): what is no
-whole number, or of a Boolean neither 0 nor 1, is refused.
+whole number, or of a Boolean neither 0 nor 1, is refused. It proposes no step, since
+FMPy 0.3 gives that to its hosts as text, on which some stop; a block makes any step.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ def repack(native: Path, target: Path) -> Path:
         members = {name: archive.read(name) for name in archive.namelist()}
     root: Any = etree.fromstring(members[DESCRIPTION])
     root.set("guid", root.get("guid") + SUFFIX)
+    root.find("DefaultExperiment").attrib.pop("stepSize", None)
     for scalar in root.find("ModelVariables"):
         for kind in ("Integer", "Boolean"):
             if (value := scalar.find(kind)) is not None:

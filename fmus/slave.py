@@ -16,6 +16,7 @@ once too often, so each instance adds a reference.
 from __future__ import annotations
 
 import math
+import re
 import struct
 import sys
 import traceback
@@ -302,8 +303,9 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
 def _name(instance: str) -> str:
     """Return the name of the instance, by which noise is keyed.
 
-    Of a path, which Ecos gives, it is the stem of the file.
+    Of a file's name it is the stem: Ecos gives it with its path, and fmucontainer after
+    the name of the container (c.wheels.fmu).
     """
     if not instance.endswith(".fmu"):
         return instance
-    return instance.replace("\\", "/").rpartition("/")[2].removesuffix(".fmu")
+    return re.split(r"[/\\.]", instance)[-2]

@@ -182,7 +182,8 @@ static void fmi2_begin(fmi2_instance *c)
     c->stop = INFINITY;
 }
 
-/* the instance's name; of a path, as Ecos gives, the file's stem */
+/* the instance's name; of a file's, which Ecos gives with its path and fmucontainer after that of the
+   container (c.wheels.fmu), the stem alone */
 static char *fmi2_key_of(const char *name)
 {
     size_t n = strlen(name);
@@ -191,7 +192,7 @@ static char *fmi2_key_of(const char *name)
     if (n >= 4 && strcmp(name + n - 4, ".fmu") == 0) {
         n -= 4;
         for (const char *p = name; p < name + n; p++)
-            if (*p == '/' || *p == '\\') from = p + 1;
+            if (*p == '/' || *p == '\\' || *p == '.') from = p + 1;
         n = (size_t)(name + n - from);
     }
     key = calloc(n + 1, 1);

@@ -152,7 +152,7 @@ def pack(
         root.set("description", "In other tools: " + "; ".join(lines))
     top = _sub(root, "System", name="system")
     elements = _sub(top, "Elements")
-    for component in system.components.values():
+    for component in map(system.components.__getitem__, _sources_first(system)):
         if component.fmu is None:
             raise DesatError(
                 f"{system.place}: {component.name}: no FMU {component.source}"
@@ -189,6 +189,18 @@ def pack(
         about = {**annotations, "substeps": system.substeps}
         members[ABOUT] = json.dumps(about, indent=1, sort_keys=True).encode()
     _write_archive(members, target)
+
+
+def _sources_first(system: System) -> list[str]:
+    """Return the components, each after those whose values it reads at the start only.
+
+    Hosts that set each FMU once in initialisation mode then give it what it reads.
+    """
+    sources = {name: [name] for name in system.components}
+    for c in system.connections:
+        if system.components[c.target].interface.signals[c.input].initial:
+            sources[c.target].insert(0, c.source)
+    return list(dict.fromkeys(x for name in sources for x in sources[name]))
 
 
 def _started(component: Component, fmu: Fmu) -> bytes:

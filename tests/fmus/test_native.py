@@ -49,6 +49,37 @@ def path(name: str, kind: str = "native") -> Path:
     return file
 
 
+def field_with_noise(kind: str, instance: str) -> list[float]:
+    """The first sample of a magnetometer with noise, of an instance of this name."""
+    fmu = path("magnetometer", kind)
+    description = description_of(fmu)
+    of = {v.name: v.valueReference for v in description.modelVariables}
+    slave = FMU2Slave(
+        guid=description.guid,
+        unzipDirectory=str(library.extract(fmu)),
+        modelIdentifier=description.modelName,
+        instanceName=instance,
+    )
+    slave.instantiate()
+    slave.setReal([of["noise"]], [1e-7])
+    slave.setupExperiment(startTime=0.0)
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    slave.doStep(0.0, 1.0)
+    field: list[float] = slave.getReal([of[f"b_body[{i}]"] for i in (1, 2, 3)])
+    slave.freeInstance()
+    return field
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_noise_is_that_of_the_stem_of_a_file_name(kind):
+    """Ecos names an instance by a path, fmucontainer by `CONTAINER.FILE`."""
+    field = field_with_noise(kind, "field")
+    for name in ("a/b.c/field.fmu", "a\\field.fmu", "loop.field.fmu", "field.fmu"):
+        assert field_with_noise(kind, name) == field
+    assert field_with_noise(kind, "loop.field") != field
+
+
 # --- an FMU beside its block ----------------------------------------------------------
 
 

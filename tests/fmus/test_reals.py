@@ -86,6 +86,7 @@ def test_a_block_of_reals_is_the_block(tmp_path, name):
     }
     description = fmpy.read_model_description(str(reals))
     assert {v.type for v in description.modelVariables} == {"Real"}
+    assert description.defaultExperiment.stepSize is None
     assert fmpy.validation.validate_model_description(description) == []
     first, second = fly(usual, inputs), fly(reals, inputs)
     assert [list(map(repr, row)) for row in first] == [
