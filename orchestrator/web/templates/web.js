@@ -445,7 +445,7 @@
   }
   function numbers() {
     const titles = titlesOf(shown.law);
-    const head = make("tr", {}, make("th"), make("th", { className: "n", textContent: "now" }),
+    const head = make("tr", {}, make("td"), make("th", { className: "n", textContent: "now" }),
       ...(reference ? [make("th", { className: "n pale", textContent: "kept" })] : []), make("th", { textContent: "unit" }), make("th", { textContent: "required" }));
     const rows = Object.entries(titles).filter(([name]) => name in (shown.numbers || {})).map(([name, t]) => {
       const value = shown.numbers[name];
@@ -490,7 +490,7 @@
   addEventListener("hashchange", () => { fromAddress(); controls(); changed(); });
   new ResizeObserver(() => charts.forEach(({ plot, place }) => {
     if (plot && place.clientWidth && place.clientWidth !== plot.width) plot.setSize({ width: place.clientWidth, height: 270 });
-  })).observe(document.querySelector("main"));
+  })).observe(document.querySelector("#panes"));
   worker.postMessage({ told: { ...told, wasm: null }, wasm: bytes(told.wasm) });
   window.desat = { get shown() { return shown; }, get asked() { return asked; }, get charts() { return charts.map((c) => c.plot); }, command, scene };
 })();
