@@ -37,8 +37,6 @@ UNITS = {
     "K": 'K="1"',
     "degC": 'K="1" offset="273.15"',
 }
-LARGE = {"8": (-100, 200), "16": (-30_000, 60_000)}  # start of the integers 7
-LARGEST = 2_000_000_000  # the same of 32 and 64 bits
 ITEMS = range(8)  # of the enumeration `law`
 ARRAYS = (70, 71)  # references of the arrays
 PLATFORMS_3 = {"linux64": "x86_64-linux", "win64": "x86_64-windows"}
@@ -82,9 +80,6 @@ class Variable:
             return "true" if n % 2 else "false"
         if self.type in ("String", "Binary"):
             return ("a" if self.type == "String" else "61") * n
-        if n == 7 and (match := re.fullmatch(r"(U?)Int(\d+)", self.type)):
-            low, high = LARGE.get(match[2], (-LARGEST, LARGEST))
-            return str(high if match[1] else low)
         return str(n)
 
 

@@ -1,11 +1,11 @@
 /* The one FMU of the suite, FMI 2.0 and 3.0.
 
    Of each type the variables n < 16 can be set and 16 + n is a copy of n. Of the Reals 32 + n is
-   2 n + 1 at once, 48 + n is the variable 8 + n plus the sum of n over the steps (15 starts
-   with 1, so that 55 does), 64 and 66 the time, and
-   65 the length of the text 1. The array 71 is twice the array 70, both with as many elements as 72 says.
-   A variable n < 8 starts with n (true where n is odd, a text of n letters), but the integers 7 of
-   FMI 3.0 with a large number. The token is "{suite-HOW}": how it fails in its fourth step. */
+   2 n + 1 at once, 48 + n is the variable 8 + n plus the sum of n over the steps (15 starts with 1, so
+   55 does, too), 64 and 66 are the time, and 65 is the length of the text 1. The array 71 is twice the
+   array 70, both with as many elements as 72 says. A variable n < 8 starts with n (true where n is odd,
+   a text of n letters), but the integers 7 of FMI 3.0 with a large number. The token is
+   "{suite-FAULT-...}": how it fails in its fourth step. */
 #include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
@@ -22,8 +22,8 @@ void __stdcall Sleep(unsigned long);
 enum { NOTHING, DISCARD, ERROR, FATAL, NOT_A_NUMBER, CRASH, EXIT, ENDLESS, BEYOND, LOGS };
 #define INTEGERS(X)                                                                                  \
     X(Int8, int8_t, -100) X(UInt8, uint8_t, 200) X(Int16, int16_t, -30000) X(UInt16, uint16_t, 60000) \
-    X(Int32, int32_t, -2000000000) X(UInt32, uint32_t, 2000000000) X(Int64, int64_t, -2000000000)     \
-    X(UInt64, uint64_t, 2000000000)
+    X(Int32, int32_t, -2000000000) X(UInt32, uint32_t, 4000000000) X(Int64, int64_t, -4000000000)     \
+    X(UInt64, uint64_t, 4000000000)
 #define MEMBER(NAME, TYPE, LARGE) TYPE NAME[16];
 typedef void logger2(void *, const char *, int, const char *, const char *, ...);
 typedef void logger3(void *, int, const char *, const char *);

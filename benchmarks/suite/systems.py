@@ -52,13 +52,13 @@ def _pair(
 def types() -> Iterator[System]:
     """One of each type: an output of it feeds an input of it."""
     values = {"Real": 5, "Integer": 5, "Boolean": 1, "Enumeration": 5, "String": 5}
-    wide = 2_000_000_000
+    wide = 4_000_000_000
     values_3 = {
         "Float64": 5,
         "Float32": 5,
         "Int8": -100,
         "Int16": -30_000,
-        "Int32": -wide,
+        "Int32": -2_000_000_000,
         "Int64": -wide,
         "UInt8": 200,
         "UInt16": 60_000,
@@ -72,7 +72,8 @@ def types() -> Iterator[System]:
     for version, types_ in (("2.0", values), ("3.0", values_3)):
         for type_, value in types_.items():
             reference = 16 + (7 if "Int" in type_ and version == "3.0" else 5)
-            ending = ", or refused" if type_ == "Binary" else ""
+            refused = type_ == "Binary" or abs(value) == wide
+            ending = ", or refused" if refused else ""
             result = Variable("y", 17, type_)
             number = "Real" if version == "2.0" else "Float64"
             if type_ in ("String", "Binary"):
@@ -85,7 +86,7 @@ def types() -> Iterator[System]:
                 result,
                 value,
                 version=version,
-                refused=type_ == "Binary",
+                refused=refused,
             )
     rows = (Variable("c", 6, "Clock"), Variable("y", 21, "Float64"))
     yield System(

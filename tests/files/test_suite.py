@@ -17,7 +17,7 @@ SYSTEMS = systems()
 
 
 @pytest.fixture(autouse=True)
-def _compiled():
+def _library():
     try:
         libraries()
     except NoCompilerError as error:
@@ -30,7 +30,7 @@ def test_our_importer_does_what_is_expected(name, tmp_path):
     path = tmp_path / f"{name}.ssp"
     path.write_bytes(package(system))
     outcome = suite.run("desat", system, path)
-    assert suite.judge(system, outcome) == "", outcome
+    assert suite.judge(system, outcome) in suite.PASSES, outcome
 
 
 @pytest.mark.parametrize(
@@ -57,10 +57,10 @@ def test_the_files_are_written_for_other_tools(tmp_path, monkeypatch):
 
     monkeypatch.setattr(suite, "zig", missing)
     suite.write(tmp_path)
-    expected = json.loads((tmp_path / "expected.json").read_text(encoding="utf-8"))
-    assert set(expected) == {path.stem for path in tmp_path.glob("*.ssp")}
-    assert expected["unit_factor"]["numbers"] == {"b.y": 5000}
-    assert all(x["numbers"] or x["refusal_allowed"] for x in expected.values())
+    expectations = json.loads((tmp_path / "expected.json").read_text(encoding="utf-8"))
+    assert set(expectations) == {path.stem for path in tmp_path.glob("*.ssp")}
+    assert expectations["unit_factor"]["numbers"] == {"b.y": 5000}
+    assert all(x["numbers"] or x["refusal_allowed"] for x in expectations.values())
     with zipfile.ZipFile(tmp_path / "type_Real_2.ssp") as archive:
         assert "resources/a.fmu" in archive.namelist()
 
