@@ -229,7 +229,8 @@ def description(component: Component) -> str:
         parts += element("TypeDefinitions", _types(component.version))
     token_key = "guid" if component.version == "2.0" else "instantiationToken"
     # some hosts take two FMUs with one token for the same
-    token = f"{{suite-{component.fault}-{crc32(repr(component).encode()):08x}}}"
+    contents = repr((component.name, component.variables)).encode()
+    token = f"{{suite-{component.fault}-{crc32(contents):08x}}}"
     variables = "".join(_variable(v, component.version) for v in component.variables)
     if component.version == "3.0":
         variables += TIME
@@ -263,11 +264,8 @@ def wire(text: str) -> str:
     start, end, *more = text.split("|")
     attributes = ""
     for kind, name in (("start", start), ("end", end)):
-        owner, dot, connector = name.partition(".")
-        if not dot:
-            owner, connector = "", name
-        attributes += f' {kind}Element="{owner}"' if owner else ""
-        attributes += f" {kind}Connector={quoteattr(connector)}"
+        owner, _, connector = name.partition(".")
+        attributes += f' {kind}Element="{owner}" {kind}Connector={quoteattr(connector)}'
     inner = more[0] if more else ""
     if not inner.startswith("<"):
         attributes, inner = f"{attributes} {inner}", ""
@@ -314,9 +312,10 @@ def structure(system: System) -> str:
             f'<ssc:Unit name="{u}"><ssc:BaseUnit {UNITS[u]}/></ssc:Unit>' for u in units
         )
         after += element("ssd:Units", "".join(texts))
+    version = "2.0" if system.version == "3.0" else "1.0"
     return (
-        f'{HEAD}<ssd:SystemStructureDescription {NAMESPACES} xmlns:osp="{OSP}" name="{system.name}" '
-        f'version="{"2.0" if system.version == "3.0" else "1.0"}">'
+        f"{HEAD}<ssd:SystemStructureDescription {NAMESPACES} "
+        f'xmlns:osp="{OSP}" name="{system.name}" version="{version}">'
         f"{element('ssd:System', inner, name=system.name)}{after}"
         f'<ssd:DefaultExperiment startTime="0" stopTime="{system.stop:g}">{STEP}'
         "</ssd:DefaultExperiment>"
