@@ -147,6 +147,13 @@ def _counted(texts: list[str]) -> str:
 # --- Connections ----------------------------------------------------------------------
 
 
+def _misfit(source: Signal, target: Signal) -> str:
+    """Return why the type of an output does not fit that of an input."""
+    if source.kind == target.kind:
+        return f"{source.kind} variables are not passed on here"
+    return f"type {source.kind} does not fit {target.kind}"
+
+
 def check_connections(draft: Draft) -> tuple[Connection, ...]:
     """Return the connections, with unit conversions where the units differ.
 
@@ -168,9 +175,7 @@ def check_connections(draft: Draft) -> tuple[Connection, ...]:
             continue
         place = f"{draft.place}:{c.line}"
         if source.kind not in _ACCEPTED.get(target.kind, ()):
-            draft.problems.append(
-                f"{place}: {c}: type {source.kind} does not fit {target.kind}"
-            )
+            draft.problems.append(f"{place}: {c}: {_misfit(source, target)}")
         other = driven.setdefault((c.target, c.input), c)
         if other is not c:
             draft.problems.append(

@@ -104,6 +104,8 @@ def _interface(root: Any, description: Any) -> Interface:
         if (b := u.baseUnit) is not None
     }
     third = description.fmiVersion.startswith("3.")
+    if third:
+        _check_references(description)
     if negated := root.xpath("ModelVariables/ScalarVariable[@alias='negatedAlias']"):
         raise ValueError(
             f"{negated[0].get('name')} is a negated alias, which FMI 2.0 has no more: "
@@ -132,6 +134,18 @@ def _interface(root: Any, description: Any) -> Interface:
         "" if block is None else block.get("role", ""),
         "3.0" if third else description.fmiVersion,
     )
+
+
+def _check_references(description: Any) -> None:
+    """Raise ValueError if two variables of FMI 3.0 have one value reference."""
+    names: dict[int, str] = {}
+    for v in description.modelVariables:
+        other = names.setdefault(v.valueReference, v.name)
+        if other != v.name:
+            raise ValueError(
+                f"{other} and {v.name} have one value reference, {v.valueReference}: "
+                "in FMI 3.0 each variable has its own"
+            )
 
 
 # Element of a description that says that an FMU is for co-simulation without a tool.

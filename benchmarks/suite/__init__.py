@@ -1,0 +1,1 @@
+"""Small systems as SSP files, each about one thing, for hosts and importers."""
