@@ -32,7 +32,7 @@ from .files import System, package
 from .hosts import HOSTS, PACKAGES, is_for
 from .systems import GROUPS, systems
 
-BEGIN, END = "<!-- made by `python -m benchmarks.suite` -->", "<!-- suite ends -->"
+BEGIN, END = "<!-- made by `python -m benchmarks.suite` -->", "<!-- to here -->"
 LIMIT = 10.0  # s: of the process of a system
 TOLERANCE = 1e-9  # relative, of a number
 REFUSAL = "refused, which is allowed"
