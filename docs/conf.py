@@ -22,6 +22,7 @@ html_theme = "furo"
 html_title = "desat"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_js_files = ["site.js"]
 live = Path(__file__).parents[1] / "build" / "live" / "page"
 html_extra_path = (
     [str(live)] if live.is_dir() else []
