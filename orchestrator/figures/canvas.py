@@ -436,6 +436,11 @@ class Figure:
         return self.svg()
 
 
+def in_notebook(figure: Figure | None) -> str:
+    """Return a figure as a part of what a notebook shows; "" without one."""
+    return f'<div style="max-width:48rem">{figure.svg()}</div>' if figure else ""
+
+
 class _Scale:
     """Conversion from data coordinates to those of the figure; inf is the edge."""
 

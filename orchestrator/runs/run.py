@@ -30,7 +30,7 @@ from ..engine.recording.row_buffer import Layout, RowBuffer
 from ..files import library
 from ..language.content import content_of
 from ..numbers.shapes import LONG
-from ..numbers.verdicts import judge
+from ..numbers.verdicts import describe_verdicts, judge
 from ..system.errors import DesatError, Exit, RunError, nearest
 from ..system.model import System
 from ..system.options import Options, as_arguments, from_json
@@ -245,7 +245,16 @@ class Run:
         return f"<Run {manifest.scenario}: {', '.join([manifest.status, *number_texts, *more])}>"
 
     def _repr_html_(self) -> str:
-        return f"<p>{escape(repr(self))}</p>{self.numbers.to_html(na_rep='')}"
+        from ..figures.canvas import in_notebook
+
+        manifest = self.manifest
+        answer = describe_verdicts(manifest.verdicts, len(manifest.unmet))
+        try:
+            figure = in_notebook(self.plot())
+        except DesatError:  # what it shows is not recorded
+            figure = ""
+        table = self.numbers.to_html(na_rep="")
+        return f"<p>{escape(repr(self))}</p><p>{escape(answer)}</p>{figure}{table}"
 
     def or_raise(self, target: str) -> Run:
         """Return the run if it completed; raise RunError, with the target, if not."""

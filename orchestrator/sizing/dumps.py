@@ -54,6 +54,7 @@ from ..analyses.flight import (
 from ..analyses.motion import BEYOND, mu_of
 from ..campaign.draws import series_of_numbers
 from ..campaign.sampling import draw_one
+from ..figures.canvas import Figure
 from ..language.content import content_of, dispersions_of
 from ..numbers.derived import rotate, rotate_back
 from ..numbers.text import format_duration, format_momenta
@@ -90,6 +91,7 @@ from .margins import (
     as_html,
     describe_margins,
     finite,
+    first_figure,
     margins_as_json,
     quantities_of,
     tabulate_spread,
@@ -310,7 +312,12 @@ class DumpSizing:
 
     def _repr_html_(self) -> str:
         tables = tabulate_spread(self.intervals, self.assumptions)
-        return as_html(self.answer, (tabulate_margins(self.margins), *tables))
+        margins = tabulate_margins(self.margins)
+        return as_html(self.answer, (margins, *tables), self.plot())
+
+    def plot(self) -> Figure | None:
+        """Draw the first figure of its page; None where it has none."""
+        return first_figure(self)
 
     @property
     def years(self) -> float:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
+from importlib import import_module
 from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..figures.canvas import Figure, in_notebook
 from ..numbers.text import format_duration, format_momenta, spell_unit
 from ..report.cases import Margin
 from ..report.table import ROW_UNIT, Column, Row, Table
@@ -121,9 +123,16 @@ def tabulate_spread(
     )
 
 
-def as_html(answer: str, tables: Sequence[Table]) -> str:
-    """Return what a notebook shows: the answer and tables."""
-    parts = [f"<p>{escape(answer)}</p>"]
+def first_figure(sizing: Any) -> Figure | None:
+    """Draw the first figure of a sizing's page; None where it has none."""
+    # by name: the page is made of sizings, and so lies above them
+    figures = import_module(".page", __package__).drawn_of(sizing)
+    return figures[0][1] if figures else None
+
+
+def as_html(answer: str, tables: Sequence[Table], figure: Figure | None) -> str:
+    """Return what a notebook shows: the answer, a figure and tables."""
+    parts = [f"<p>{escape(answer)}</p>", in_notebook(figure)]
     for table in tables:
         cells = ("".join(f"<td>{escape(x)}</td>" for x in row) for row in table.texts())
         parts.append(f"<table>{''.join(f'<tr>{x}</tr>' for x in cells)}</table>")

@@ -12,6 +12,7 @@ from ..figures.plots import cell_ticks, colour_cells
 from ..figures.style import (
     COLOURS,
     DASHED,
+    DASHES,
     DOTTED,
     LIMIT,
     axis_label,
@@ -72,22 +73,8 @@ def write_dumps(sizing: DumpSizing, path: Path) -> Path:
     OSError
         If it cannot be written.
     """
-    figures = []
-    if sizing.course is not None and len(sizing.course.dumps):
-        caption = "Momentum of the wheels, dump after dump: the sized course"
-        figures.append((caption, _dump_course(sizing)))
-    if len(sizing.thresholds) > 1:
-        caption = "Propellant a year over the momentum at which dumps begin"
-        figures.append(
-            (caption, _thresholds(sizing, "a_year", "propellant\n[kg a year]"))
-        )
-        caption = "Dumps a week over the momentum at which they begin"
-        figures.append((caption, _thresholds(sizing, "a_week", "dumps a week")))
     tables_shown = [tables.tabulate_dump_sources(sizing.sources)]
     if sizing.year:
-        figures.append(
-            ("A year: propellant, as if each day lasted", _dump_year(sizing))
-        )
         tables_shown.append(tables.tabulate_dump_days(sizing))
     first = [
         tabulate_margins(sizing.margins),
@@ -96,7 +83,13 @@ def write_dumps(sizing: DumpSizing, path: Path) -> Path:
     ]
     about = f"Attitude: {sizing.attitude}."
     return _write(
-        path, f"Dumps of {sizing.target}", sizing, first, tables_shown, about, figures
+        path,
+        f"Dumps of {sizing.target}",
+        sizing,
+        first,
+        tables_shown,
+        about,
+        drawn_of(sizing),
     )
 
 
@@ -211,8 +204,32 @@ def _write_map(
 # --- figures --------------------------------------------------------------------------
 
 
-def drawn_of(sizing: Sizing) -> list[tuple[str, Figure]]:
+def drawn_of(sizing: Sizing | DumpSizing) -> list[tuple[str, Figure]]:
     """Draw the figures of a sizing, each with its caption."""
+    return _dumps_of(sizing) if isinstance(sizing, DumpSizing) else _rods_of(sizing)
+
+
+def _dumps_of(sizing: DumpSizing) -> list[tuple[str, Figure]]:
+    """Draw the figures of a sizing of dumps."""
+    figures = []
+    if sizing.course is not None and len(sizing.course.dumps):
+        caption = "Momentum of the wheels, dump after dump: the sized course"
+        figures.append((caption, _dump_course(sizing)))
+    if len(sizing.thresholds) > 1:
+        caption = "Propellant a year over the momentum at which dumps begin"
+        figures.append(
+            (caption, _thresholds(sizing, "a_year", "propellant\n[kg a year]"))
+        )
+        caption = "Dumps a week over the momentum at which they begin"
+        figures.append((caption, _thresholds(sizing, "a_week", "dumps a week")))
+    if sizing.year:
+        caption = "A year: propellant, as if each day lasted"
+        figures.append((caption, _dump_year(sizing)))
+    return figures
+
+
+def _rods_of(sizing: Sizing) -> list[tuple[str, Figure]]:
+    """Draw the figures of a sizing of rods."""
     figures = []
     if any(r.duty is not None for r in sizing.curve):
         figures.append(
@@ -268,6 +285,7 @@ def _curve(sizing: Sizing, key: str, loop: str, factor: float, label: str) -> Fi
                 [factor * getattr(r, key) for r in rows_with_value],
                 colour,
                 width=1.5,
+                dash=DASHES[i % len(DASHES)],
                 label=law,
             )
         closed = [r for r in rows if loop and getattr(r, loop) is not None]

@@ -8,6 +8,7 @@ from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..analyses.flight import Attitude
+from ..figures.canvas import Figure
 from ..numbers.text import format_duration, format_momenta
 from ..report.cases import Margin, tabulate_margins
 from ..system.typed import JsonObject
@@ -24,6 +25,7 @@ from .margins import (
     as_html,
     describe_margins,
     finite,
+    first_figure,
     margins_as_json,
     quantities_of,
     tabulate_spread,
@@ -170,7 +172,12 @@ class Sizing:
 
     def _repr_html_(self) -> str:
         tables = tabulate_spread(self.intervals, self.assumptions)
-        return as_html(self.answer, (tabulate_margins(self.margins), *tables))
+        margins = tabulate_margins(self.margins)
+        return as_html(self.answer, (margins, *tables), self.plot())
+
+    def plot(self) -> Figure | None:
+        """Draw the first figure of its page; None where it has none."""
+        return first_figure(self)
 
     @property
     def duty(self) -> float:

@@ -251,9 +251,11 @@ class Ranking:
         """Draw each law as a point, and the front across the whole picture."""
         fig, ax = figure()
         points = [(e.values[k], e.values[0]) for e in self.ranked]
+        # a law has one colour on the page, by its place in the comparison
+        places = {name: i for i, name in enumerate(self.comparison.names)}
         rows_measured = [
-            (x, y, e.name, i)
-            for i, (e, (x, y)) in enumerate(zip(self.ranked, points, strict=True))
+            (x, y, e.name, places.get(e.name, len(places)))
+            for e, (x, y) in zip(self.ranked, points, strict=True)
             if np.isfinite(x) and np.isfinite(y)
         ]
         best: list[tuple[float, float]] = []

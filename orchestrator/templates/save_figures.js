@@ -35,14 +35,3 @@
     delete d.dataset.folded;
   }));
 })();
-
-// what scrolls can be reached by keyboard
-(() => {
-  "use strict";
-  const reach = () => document.querySelectorAll(".wide").forEach((d) => {
-    if (d.scrollWidth > d.clientWidth) d.tabIndex = 0;
-    else d.removeAttribute("tabindex");
-  });
-  addEventListener("resize", reach);
-  reach();
-})();
