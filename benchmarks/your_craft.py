@@ -18,11 +18,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-import desat
+from desat.analyses import management
 from desat.figures.plots import series_figure
-from desat.figures.style import COLOURS, figure
+from desat.figures.style import on_dark
 from desat.report.report import label_of
 from desat.runs.run import load_run
 
@@ -163,25 +161,11 @@ def drawn(name: str, folder: Path, plot: str) -> str:
     return found.svg()
 
 
-def with_and_without(craft: Path) -> str:
-    """The momentum of the wheels together over a day, managed and not, and one wheel's
-    capacity, as SVG."""
-    fig, ax = figure(2.8)
-    for on, label, colour in (
-        (False, "nothing takes it out", COLOURS[1]),
-        (True, "coils take it out", COLOURS[0]),
-    ):
-        run = desat.run(str(craft), {"manager.enable": on}).or_raise(str(craft))
-        axes = np.reshape(run.manifest.values_of("wheels")["axes_wheel"], (3, 4))
-        size = np.linalg.norm(run.results.values("wheels.h_wheel") @ axes.T, axis=1)
-        hours = run.results.times()[: len(size)] / 3600.0
-        ax.plot(hours, 1e3 * size, colour, width=1.5, label=label)
-    ax.x.label, ax.y.label, ax.y.low = (
-        "time [h]",
-        "momentum of the\nwheels [mN m s]",
-        0.0,
-    )
-    return fig.svg()
+def with_and_without(name: str, folder: Path) -> str:
+    """The first plot of a run's report: its fullest wheel, managed and not, as SVG."""
+    run = load_run(folder / "runs" / name)
+    (_, first), *_ = management.figures(run.manifest, run.results)
+    return first.svg()
 
 
 def main() -> int:
@@ -207,10 +191,12 @@ def main() -> int:
                 )
                 parts.append(f"    desat {line}\n\n```text\n{answer}\n```\n")
                 if command == ["run", "my12u"]:
-                    picture = with_and_without(folder / name)
-                    (DOCS / "with-and-without.svg").write_text(
-                        picture, encoding="utf-8"
-                    )
+                    picture = with_and_without(name, folder)
+                    for file, text in (
+                        ("with-and-without.svg", picture),
+                        ("with-and-without-dark.svg", on_dark(picture)),
+                    ):
+                        (DOCS / file).write_text(text, encoding="utf-8")
                 if command == ["run", name]:
                     for plot in (
                         "momentum",

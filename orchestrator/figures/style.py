@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from itertools import pairwise
 from typing import Any
@@ -64,6 +65,15 @@ def axis_label(quantity: str, unit: str, height: float) -> str:
     """Return `quantity [unit]`, wrapped to fit an axis of a height (in)."""
     bracket = f"[{spell_unit(unit)}]".replace(" ", "\u00a0") if spell_unit(unit) else ""
     return textwrap.fill(f"{quantity} {bracket}".strip(), max(14, int(height * 14)))
+
+
+def on_dark(svg: str) -> str:
+    """Return a figure as it is on a dark page."""
+    others = {"#fff": "#0d1117", "#222222": "#dddddd", "#dddddd": "#3a3d3f"}
+    hues = {**PALETTE, **others, LIMIT: "#ff7b72"}
+    return re.sub(
+        r'"(#[0-9a-f]{3,6})"', lambda hue: f'"{hues.get(hue[1], hue[1])}"', svg
+    )
 
 
 def between(x: Any, y: Any) -> tuple[Any, Any, Any]:
