@@ -192,11 +192,11 @@ def main() -> int:
                 parts.append(f"    desat {line}\n\n```text\n{answer}\n```\n")
                 if command == ["run", "my12u"]:
                     picture = with_and_without(name, folder)
-                    for file, text in (
+                    for variant, text in (
                         ("with-and-without.svg", picture),
                         ("with-and-without-dark.svg", on_dark(picture)),
                     ):
-                        (DOCS / file).write_text(text, encoding="utf-8")
+                        (DOCS / variant).write_text(text, encoding="utf-8")
                 if command == ["run", name]:
                     for plot in (
                         "momentum",
