@@ -393,6 +393,18 @@ class Flight {
     return { lines, limits: [this.capacity() * scale] };
   }
 
+  // What this flight leaves for a model of those with other dumps (`modelled`): the attitude, and the
+  // momentum that the wheels would hold without dumps, eci; null where there is no such model.
+  free() {
+    const { dumps, managed } = this.law;
+    const known = dumps && !this.fault && !this.ended && this.lost() === null && this.balance();
+    if (!known || $.len(known.without) <= this.made) return null;
+    const q = this.columns[managed.series.q];
+    const momentum = new Float64Array(known.without.data);
+    for (let k = 0; k <= this.made; k++) turn(q, k, momentum, momentum, 1);
+    return { law: this.law, table: this.table, q, momentum };
+  }
+
   // The numbers of the law, by name.
   numbers() {
     const found = {};
@@ -421,6 +433,42 @@ class Flight {
     const limits = of.limits.map((l) => evaluated(l.value, this.table));
     return { lines, limits };
   }
+}
+
+// Turn vector k of `from` into that of `to`: body to eci (sign 1) or back (-1), C(q)' v = v + w t + u x t
+// with t = 2 u x v.
+function turn(q, k, from, to, sign) {
+  const [a, b, c] = [sign * q[4 * k], sign * q[4 * k + 1], sign * q[4 * k + 2]], w = q[4 * k + 3], i = 3 * k;
+  const [x, y, z] = [from[i], from[i + 1], from[i + 2]];
+  const [p, r, s] = [2 * (b * z - c * y), 2 * (c * x - a * z), 2 * (a * y - b * x)];
+  to[i] = x + w * p + b * s - c * r;
+  to[i + 1] = y + w * r + c * p - a * s;
+  to[i + 2] = z + w * s + a * r - b * p;
+}
+
+// The fullest wheel where only dumps differ from a flight that was (`Flight.free`), by the sum of what
+// the disturbances leave, and the times of its dumps; null where something else differs.
+function modelled(told, law, moved, { table: before, q, momentum }) {
+  const { dumps, managed } = law;
+  const table = tableOf(law, moved);
+  const free = (name) => [dumps.begin, dumps.end].includes(name) || name.startsWith(`${dumps.thrusters}.`);
+  if (Object.keys(table).some((name) => !free(name) && String(table[name]) !== String(before[name]))) return null;
+  const [begin, end] = [table[dumps.begin], table[dumps.end]];
+  const rows = momentum.length / 3, times = [], line = new Float64Array(rows);
+  const inside = new Float64Array(momentum), gone = [0, 0, 0];
+  for (let k = 0; k < rows; k++) {
+    const i = 3 * k, whole = [0, 1, 2].map((j) => momentum[i + j] - gone[j]);
+    inside.set(whole, i);
+    turn(q, k, inside, inside, -1);
+    const wheels = managed.inverse.map((row) => Math.abs(row[0] * inside[i] + row[1] * inside[i + 1] + row[2] * inside[i + 2]));
+    const fullest = Math.max(...wheels);
+    const fill = dumps.of_wheels ? fullest : Math.hypot(...whole);
+    line[k] = managed.scale * fullest;
+    if (fill < begin) continue;
+    for (let j = 0; j < 3; j++) gone[j] += whole[j] * (1 - end / fill);
+    times.push(told.start + k * told.step);
+  }
+  return { line, times };
 }
 
 // Least and most of each of so many parts of lines of a run of so many rows, nan where a line has not

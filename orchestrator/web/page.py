@@ -44,6 +44,7 @@ from ..runs import substep_choice
 from ..runs.drawings import craft_of_system
 from ..runs.prepare import prepare, read
 from ..runs.stopping import condition as condition_of
+from ..sizing.dumps import applies
 from ..system.craft import carrier
 from ..system.errors import DesatError
 from ..system.expression import Table, factor, product
@@ -453,6 +454,8 @@ def _law(
         v for n in numbers for v in n["own"].values()
     }
     parameters |= {*managed["values"]} if managed else set()
+    dumps = _dumps(law.system) if managed else None
+    parameters |= {dumps["begin"], dumps["end"]} if dumps else set()
     ends, view = _ends(law), _view(law.system)
     if ends and isinstance(ends["limit"], dict):
         parameters |= {*names_of(ends["limit"])}
@@ -471,6 +474,7 @@ def _law(
         "numbers": numbers,
         "plots": plots,
         "managed": managed,
+        "dumps": dumps,
         "ends": ends,
         "view": view,
         "checks": _checks(law.system),
@@ -873,6 +877,27 @@ def _managed(law: _LawSystem) -> JsonObject | None:
         "required": {
             k: r for k in management.TITLES if (r := _required(law.content, k))
         },
+    }
+
+
+def _dumps(system: System) -> JsonObject | None:
+    """Return the parameters of dumps between thresholds, for a model of their course.
+
+    None where dumps wait, come by the calendar or leave something in the wheels.
+    """
+    if not applies(system):
+        return None
+    manager = system.components["manager"]
+    values = manager.values
+    others = ("aligned", "period", "latest", "h_null")
+    lists = (*values["windows"], *values["h_target_body"])
+    if manager.choice("by") != "thrusters" or any((*lists, *map(values.get, others))):
+        return None
+    return {
+        "begin": f"{manager.name}.begin",
+        "end": f"{manager.name}.end",
+        "of_wheels": manager.choice("fill") == "wheels",
+        "thrusters": system.roles["thrusters"].name,
     }
 
 

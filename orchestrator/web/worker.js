@@ -6,6 +6,7 @@ const ROWS_OF_VIEW = 1500;
 const SHARE = 4; // of the time that a look takes, so long until the next one
 
 let newest = 0;
+let free = null; // of the last flight, for models of others
 let flight = null;
 
 function shown(id, began, last) {
@@ -26,6 +27,18 @@ function shown(id, began, last) {
   postMessage(message);
 }
 
+// The answer of the model, at once, where there is one.
+function model({ id, law, moved }) {
+  if (!free || free.law !== flight.told.laws[law]) return;
+  try {
+    const found = modelled(flight.told, free.law, moved, free);
+    if (!found) return;
+    const [line] = thinned([found.line], found.line.length, PARTS);
+    postMessage({ id, model: { line, times: found.times } });
+  } catch { // the flight says why
+  }
+}
+
 async function fly({ id, law, moved }) {
   const began = performance.now();
   if (flight.begin(law, moved)) {
@@ -35,7 +48,11 @@ async function fly({ id, law, moved }) {
   let look = began + 100; // ms
   for (;;) {
     const more = flight.some();
-    if (!more) return shown(id, began, true);
+    if (!more) {
+      shown(id, began, true);
+      free = flight.free() ?? free;
+      return;
+    }
     const now = performance.now();
     if (now > look) {
       shown(id, began, false);
@@ -61,5 +78,6 @@ globalThis.onmessage = async ({ data }) => {
     return;
   }
   newest = data.id;
+  model(data);
   fly(data);
 };

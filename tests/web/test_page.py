@@ -407,6 +407,50 @@ def test_a_craft_that_dumps_by_thrusters_has_the_standard_numbers_on_its_page(
         assert numbers["left_rms"] < 0.8 * numbers["unmanaged_rms"]
 
 
+@pytest.mark.slow
+@needs_zig
+@pytest.mark.parametrize(
+    ("wheels", "stop", "moves"),
+    [
+        ("4 pyramid 50Nms", 60.0, {"manager.begin": 18.0}),
+        ("4 pyramid 50Nms", 60.0, {"manager.end": 12.0, "thrusters.thrust": 5.0}),
+        ("6 pyramid 25Nms", 40.0, {"manager.begin": 9.0}),
+    ],
+)
+def test_the_model_of_a_page_says_at_once_what_the_loop_then_shows(
+    desat, tmp_path, wheels, stop, moves
+):
+    """Dumps of other thresholds, from the flight before; of another craft it is silent."""
+    line = shlex.split(GEO.replace("4 pyramid 50Nms", wheels))
+    desat("new", "craft", "c", *line, check=True, cwd=tmp_path)
+    laws = {"threshold": Options(stop=stop * 86400.0)}
+    answer = page.export(str(tmp_path / "c"), laws, [], tmp_path / "page.html")
+    page_data, worker = told_of(answer.path)
+    result = node(
+        """globalThis.postMessage = () => {};
+const [told0, worker, moved] = input;
+(0, eval)(worker.replace('"use strict";', "") + ";Object.assign(globalThis, { Flight, modelled });");
+const flight = new Flight(told0, new WebAssembly.Module(Buffer.from(told0.wasm, "base64")));
+flight.begin(0, {});
+while (flight.some());
+const free = flight.free(), { law } = flight, began = performance.now();
+const answer = modelled(told0, law, moved, free), seconds = (performance.now() - began) / 1e3;
+const other = modelled(told0, law, { ...moved, "spacecraft.offset_plates_body": 0.5 }, free);
+flight.begin(0, moved);
+while (flight.some());
+const told = { seconds, other, times: answer.times, numbers: flight.numbers(),
+  largest: [answer.line, flight.fullest().lines[0]].map((y) => y.reduce((a, b) => Math.max(a, b), 0)) };""",
+        [page_data, worker, moves],
+    )
+    assert result["other"] is None
+    assert result["seconds"] < 1.0
+    times, numbers = result["times"], result["numbers"]
+    assert len(times) == numbers["dumps"] > 1
+    between = (times[-1] - times[0]) / (len(times) - 1) / 3600.0
+    assert between == pytest.approx(numbers["between_dumps"], rel=0.01)
+    assert result["largest"][0] == pytest.approx(result["largest"][1], rel=0.02)
+
+
 # a condition that ends a flight, and the slider that then moves
 CONDITIONS = {
     "below": ("detumbling", "", {"spacecraft.omega_start_body": 6.0}),

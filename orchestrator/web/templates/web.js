@@ -18,6 +18,7 @@
   let asked = 0;
   let shown = null; // what was flown last: {law, moved, plots, numbers}
   let reference = null;
+  let model = null; // of the flight that was asked for: {id, line, text}
   let charts = [];
   let seeking = false; // cursors follow the view of orbit and attitude
   const scene = makeScene($id("scene"), (t) => {
@@ -217,6 +218,7 @@
   // --- charts --------------------------------------------------------------------------------------
 
   const NONE = "without management (estimated)";
+  const MODEL = "with management, by the model";
   const plotsOf = (l) => {
     const { managed, plots } = told.laws[l];
     const first = managed?.drawn && { title: "Momentum of the fullest wheel, with management and without",
@@ -240,6 +242,9 @@
         label: `${plotsOf(kept.law)[other].names[k]}, kept`, y: known(y), pale: true, width: 1.4,
         stroke: told.colours[k % told.colours.length],
       }));
+    }
+    if (i === 0 && model?.id === asked && model.line.length === own[0].length) {
+      series.push({ label: MODEL, y: known(model.line), stroke: told.colours[2], dash: [2, 2], width: 1.4 });
     }
     const signed = own.some((y) => y.some((v) => v < 0));
     const top = most(own);
@@ -459,6 +464,16 @@
     $id("numbers").classList.toggle("pale", !shown.numbers);
   }
 
+  // What the model says at once, until the flight has come: its line, and its dumps.
+  function byModel({ id, model: { line, times } }) {
+    model = { id, line };
+    const since = (t) => `${number((t - told.start) / told.seconds)} ${told.time_unit}`;
+    const each = times.length > 1 ? `, then one each ${number((times.at(-1) - times[0]) / (times.length - 1) / told.seconds)} ${told.time_unit}` : "";
+    model.text = times.length ? `${times.length} ${times.length > 1 ? "dumps" : "dump"}, the first after ${since(times[0])}${each}` : "no dump";
+    $id("state").textContent = `by the model: ${model.text}; flying …`;
+    if (shown) draw();
+  }
+
   // --- the worker ----------------------------------------------------------------------------------
 
   const worker = new Worker(URL.createObjectURL(new Blob([$id("worker").textContent], { type: "text/javascript" })));
@@ -466,6 +481,7 @@
     if (data.ready) return ask();
     if (data.samples) return waiting.shift()(data.samples);
     if (data.id !== asked) return;
+    if (data.model) return byModel(data);
     warned = data.warnings;
     warn();
     $id("fault").textContent = data.fault ? `${data.done ? `After ${data.done} steps: ` : "It cannot start: "}${data.fault}` : "";
@@ -474,7 +490,7 @@
       const flown = `${span < 3600 ? `${number(span)} s` : `${Math.round(span / 360) / 10} h`} in ${data.seconds?.toFixed(2)} s`;
       $id("state").textContent = data.fault ? "" : `flown: ${flown}`;
       document.documentElement.dataset.flown = data.id; // for who waits
-    } else $id("state").textContent = `flying … ${Math.round((100 * data.done) / told.steps)} %`;
+    } else $id("state").textContent = `${model?.id === asked ? `by the model: ${model.text}; ` : ""}flying … ${Math.round((100 * data.done) / told.steps)} %`;
     if (!data.plots.length) return;
     shown = { id: data.id, law, moved: { ...moved }, numbers: data.numbers, unmet: data.unmet ?? [], plots: data.plots, times: data.times,
       end: data.end, ended: data.ended, view: data.view };
