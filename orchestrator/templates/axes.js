@@ -61,3 +61,15 @@ const decades = (min, max) => { // of few of them, twos and fives between
 // 2.5 has one digit more than its power of ten
 const finer = (step) => Math.abs(step / 10 ** Math.floor(Math.log10(step) + 1e-9) - 2.5) < 0.01
   ? step / 10 : step;
+
+// The name of a limit at the right end of its line, in pixels of the canvas; none over another (`named`).
+function nameLevel(ctx, label, hue, right, y, top, named) {
+  const ratio = devicePixelRatio || 1;
+  const at = y > top + 14 * ratio ? y - 4 * ratio : y + 12 * ratio;
+  if (!label || named.some((other) => Math.abs(other - at) < 12 * ratio)) return;
+  named.push(at);
+  ctx.fillStyle = hue;
+  ctx.font = `${11 * ratio}px system-ui`;
+  ctx.textAlign = "right";
+  ctx.fillText(label.replace(/\s+/g, " "), right - 4 * ratio, at);
+}

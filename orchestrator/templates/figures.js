@@ -93,13 +93,7 @@
       ctx.moveTo(left, low);
       ctx.lineTo(left + width, low);
       ctx.stroke();
-      const at = low > top + 14 * ratio ? low - 4 * ratio : low + 12 * ratio;
-      if (!level.label || named.some((y) => Math.abs(y - at) < 12 * ratio)) continue;
-      named.push(at);
-      ctx.fillStyle = colour(level.colour);
-      ctx.font = `${11 * ratio}px system-ui`;
-      ctx.textAlign = "right";
-      ctx.fillText(level.label.replace(/\s+/g, " "), left + width - 4 * ratio, at);
+      nameLevel(ctx, level.label, colour(level.colour), left + width, low, top, named);
     }
     for (const line of plot.upright) {
       const x = u.valToPos(line.at, "x", true);

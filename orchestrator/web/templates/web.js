@@ -253,12 +253,13 @@
       const text = `${signed ? "±" : ""}${number(value)} ${of.limits[k]}`;
       if (value > 10 * top) return far.push(`${text}: far beyond`);
       for (const v of signed ? [value, -value] : [value]) {
-        series.push({ label: v === value ? text : "", y: own[0].map(() => v), stroke: told.limit, width: 1.1, dash: [2, 3] });
+        series.push({ label: v === value ? text : "", level: v, y: own[0].map(() => v), stroke: told.limit, width: 1.1, dash: [2, 3] });
       }
     });
     return { of, series, far };
   }
 
+  const tall = (i) => (i === 0 && innerWidth <= 800 ? 190 : 270); // px; the first stays in sight there
   function chart(i) {
     const { of, series, far } = content(i);
     const place = charts[i].place;
@@ -270,7 +271,7 @@
     const shade = (s) => (s.pale ? `${colour(s.stroke)}55` : colour(s.stroke));
     const width = (u, labels) => 16 + 7.5 * Math.max(3, ...(labels || []).map((s) => (s || "").length));
     charts[i].plot = new uPlot({
-      width: place.clientWidth, height: 270,
+      width: place.clientWidth, height: tall(i),
       scales: { x: { time: false, range: () => [told.start, shown.end] }, y: { distr: of.log ? 3 : 1,
         range: (u, low, high) => {
           if (low === null) return [0, 1];
@@ -291,7 +292,12 @@
         ...series.map((s) => ({ label: s.label, stroke: shade(s), width: s.width, dash: s.dash, points: { show: false },
           value: (u, v) => text(v, (u.scales.y.max - u.scales.y.min) / 1e4) }))],
       cursor: { y: false, drag: { x: false, y: false }, sync: { key: "time", setSeries: false, scales: ["x", null] } },
-      hooks: { setCursor: [(u) => !seeking && u.cursor.left >= 0 && scene.at(u.posToVal(u.cursor.left, "x"))] },
+      hooks: { draw: [(u) => {
+        const named = [];
+        for (const s of series.filter(({ level }) => level !== undefined)) {
+          nameLevel(u.ctx, s.label, colour(s.stroke), u.bbox.left + u.bbox.width, u.valToPos(s.level, "y", true), u.bbox.top, named);
+        }
+      }], setCursor: [(u) => !seeking && u.cursor.left >= 0 && scene.at(u.posToVal(u.cursor.left, "x"))] },
       legend: { markers: { width: 2, dash: border } },
     }, [shown.times, ...series.map((s) => s.y)], place);
     operable(place);
@@ -487,7 +493,7 @@
     $id("fault").textContent = data.fault ? `${data.done ? `After ${data.done} steps: ` : "It cannot start: "}${data.fault}` : "";
     if (data.last) {
       const span = data.done * told.step;
-      const flown = `${span < 3600 ? `${number(span)} s` : `${Math.round(span / 360) / 10} h`} in ${data.seconds?.toFixed(2)} s`;
+      const flown = `${span < 3600 ? `${number(span)} s` : `${number(span / told.seconds)} ${told.time_unit}`} in ${data.seconds?.toFixed(2)} s`;
       $id("state").textContent = data.fault ? "" : `flown: ${flown}`;
       document.documentElement.dataset.flown = data.id; // for who waits
     } else $id("state").textContent = `${model?.id === asked ? `by the model: ${model.text}; ` : ""}flying … ${Math.round((100 * data.done) / told.steps)} %`;
@@ -504,8 +510,8 @@
   clearTimeout(timer);
   dark.addEventListener("change", () => shown && draw());
   addEventListener("hashchange", () => { fromAddress(); controls(); changed(); });
-  new ResizeObserver(() => charts.forEach(({ plot, place }) => {
-    if (plot && place.clientWidth && place.clientWidth !== plot.width) plot.setSize({ width: place.clientWidth, height: 270 });
+  new ResizeObserver(() => charts.forEach(({ plot, place }, i) => {
+    if (plot && place.clientWidth && place.clientWidth !== plot.width) plot.setSize({ width: place.clientWidth, height: tall(i) });
   })).observe(document.querySelector("#panes"));
   worker.postMessage({ told: { ...told, wasm: null }, wasm: bytes(told.wasm) });
   window.desat = { get shown() { return shown; }, get asked() { return asked; }, get charts() { return charts.map((c) => c.plot); }, command, scene };
