@@ -486,9 +486,9 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
     if balanced is None:
         return []
     from ..figures.plots import timeline  # slow import, needed for a report only
-    from ..figures.style import COLOURS, figure, time_axis
+    from ..figures.style import COLOURS, SMALL_HEIGHT, figure, time_axis
 
-    fig, ax = figure()
+    fig, ax = figure(SMALL_HEIGHT)
     seconds, unit = time_axis(balanced.times)
     x, y = balanced.times / seconds, balanced.mismatch[:, 0]
     ax.plot(x, y, COLOURS[0], name="mismatch", rows=balanced.rows)

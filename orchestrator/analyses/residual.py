@@ -253,9 +253,9 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
 def plot(times: Array, residual: Array, rows: int, results: Results) -> Figure:
     """Draw the residual of so many rows over time, above the strips of the run's modes."""
     from ..figures.plots import timeline  # slow import, needed for a report only
-    from ..figures.style import COLOURS, figure, time_axis
+    from ..figures.style import COLOURS, SMALL_HEIGHT, figure, time_axis
 
-    fig, ax = figure()
+    fig, ax = figure(SMALL_HEIGHT)
     seconds, unit = time_axis(times)
     for i, axis in enumerate("xyz"):
         ax.plot(times / seconds, residual[:, i], COLOURS[i], label=axis, rows=rows)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from ..numbers.shapes import extremes, split
 from ..system.typed import JsonObject
 from .canvas import Axes, Figure, Mark
+from .style import HEIGHT
 
 Array = NDArray[np.float64]
 VALUES = 200_000  # limit for all figures of a page, with 5.4 bytes per value
@@ -51,8 +52,9 @@ def data_of(figures: Sequence[Figure]) -> JsonObject:
         for figure, lines_of_figure in zip(figures, lines, strict=True)
     ]
     is_whole = sum(max(len(x.x), x.mark.rows) for of in lines for x in of) <= SAMPLES
-    for plot, lines_of_figure in zip(plots, lines, strict=True):
+    for plot, lines_of_figure, figure in zip(plots, lines, figures, strict=True):
         if plot is not None:
+            plot["small"] = figure.height < HEIGHT - 0.5
             plot["samples"] = _samples(
                 lines_of_figure, plot["seconds"] or 1.0, points, is_whole, sample_grids
             )

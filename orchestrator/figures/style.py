@@ -34,6 +34,7 @@ BANDS = ("#b22222", "#e0a100", "#5b7f95")
 BINS = 240  # parts of a line whose minimum and maximum are drawn as an area
 # in: width and height of a figure with one pair of axes, and height of one with two
 WIDTH, HEIGHT, PANELS = 7.2, 2.9, 4.9
+SMALL_HEIGHT = 1.9  # in, of a figure that shows what is all but zero
 DOTTED, DASHED = (1.0, 1.6), (5.0, 2.5)
 # Dashes of series in turn, so that they can be told apart without colours.
 DASHES: tuple[tuple[float, ...], ...] = (

@@ -158,7 +158,7 @@
     };
     const wide = (u, labels) => 16 + 7.5 * Math.max(3, ...(labels || []).map((s) => (s || "").length));
     const options = {
-      width: place.clientWidth, height: 290 + depth,
+      width: place.clientWidth, height: (plot.small ? 170 : 290) + depth,
       scales: { x: { time: false, distr: plot.xlog ? 3 : 1, range: (u, min, max) => [min, max] },
         y: { distr: plot.log ? 3 : 1, range } },
       axes: [
