@@ -63,10 +63,11 @@ house: fmus ## the way of a target to its run, size, names and the commands' CPU
 witness: fmus .venv-basilisk/.tried ## the closed loop in Basilisk beside ours, against what is stored; WRITE=--write stores it anew
 	$(BIN)/python -m benchmarks.witness $(WRITE)
 
-sizing: fmus ## what `desat size` says beside closed loops, papers and others, into docs/sizing*.md, docs/your-craft.md
+sizing: fmus ## what `desat size` says beside closed loops, papers and others, into docs/sizing*.md, your-craft.md, questions.md
 	$(BIN)/python -m benchmarks.sizing
 	$(BIN)/python -m benchmarks.dumps
 	$(BIN)/python -m benchmarks.your_craft
+	$(BIN)/python -m benchmarks.questions
 
 flown: fmus ## what desat says of spacecraft that flew, beside what was published, into docs/flown.md
 	$(BIN)/python -m benchmarks.flown

@@ -275,6 +275,11 @@ def size(
     flown: bool = True,
     duty: float = 0.5,
     margin: float = 1.3,
+    slew_angle: float = 0.0,
+    slew_time: float = 0.0,
+    tip_off: float | None = None,
+    arm: float | None = None,
+    specific_impulse: float | None = None,
     **options: Unpack[RunOptions],
 ) -> Sizing | DumpSizing:
     """Size a craft, as `desat size` does.
@@ -293,6 +298,12 @@ def size(
         Duty of the coils (1) for which rods are recommended.
     margin
         Margin of the recommended rods (1).
+    slew_angle, slew_time
+        Turn (rad) that the wheels make in a time (s); 0: none.
+    tip_off
+        Rate after separation (rad/s); None: that of detumbling.toml, else 5 deg/s.
+    arm, specific_impulse
+        Of thrusters (m, s); None: the craft's.
 
     Returns
     -------
@@ -318,7 +329,18 @@ def size(
     from .sizing.requirements import SizingRequirements
 
     options_given = options_of(stop, None, sets, options)
-    requirements = SizingRequirements(duty, margin, laws=laws, year=year, flown=flown)
+    requirements = SizingRequirements(
+        duty,
+        margin,
+        slew_angle,
+        slew_time,
+        tip_off,
+        arm,
+        specific_impulse,
+        laws,
+        year,
+        flown,
+    )
     sized = dumps.size if dumps.is_of(str(target), options_given) else sizing.size
     return sized(str(target), options_given, requirements)
 

@@ -90,7 +90,8 @@ def series_figure(plot: Plot, runs: Sequence[Run]) -> Figure | None:
         )
         ax.y.log = plot.log and is_whole_run
         _draw_limits(ax, limits, signed, is_whole_run)
-        quantity = f"largest {plot.axis or plot.title}" if is_largest else plot.axis
+        title = plot.axis or f"{plot.title[:1].lower()}{plot.title[1:]}"
+        quantity = f"largest {title}" if is_largest else plot.axis
         ax.y.label = axis_label(quantity or plot.title, unit, ax.height / INCH)
         timeline(ax, seconds, time_unit, results if is_whole_run else None)
         if begin is not None:

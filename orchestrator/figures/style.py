@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..numbers.text import spell_unit
-from .canvas import Axes, Figure
+from .canvas import BOTTOM_MARGIN, Axes, Figure
 
 # Colours of series on a light page, each with its own on a dark one. Any two differ by
 # 15 (CIEDE2000) or more for normal, deuteranopic and protanopic eyes, and by a contrast
@@ -34,6 +34,7 @@ BANDS = ("#b22222", "#e0a100", "#5b7f95")
 BINS = 240  # parts of a line whose minimum and maximum are drawn as an area
 # in: width and height of a figure with one pair of axes, and height of one with two
 WIDTH, HEIGHT, PANELS = 7.2, 2.9, 4.9
+LOW = 2.4  # in, below which the rim under the axes is not made smaller
 SMALL_HEIGHT = 1.9  # in, of a figure that shows what is all but zero
 DOTTED, DASHED = (1.0, 1.6), (5.0, 2.5)
 # Dashes of series in turn, so that they can be told apart without colours.
@@ -59,7 +60,8 @@ def time_axis(times: np.ndarray[Any, Any]) -> tuple[float, str]:
 def figure(height: float = HEIGHT) -> tuple[Figure, Axes]:
     """Build a figure in our style with a height (in), and its axes."""
     fig = Figure(WIDTH, height)
-    return fig, fig.add()
+    # labels keep their room in a low figure
+    return fig, fig.add(bottom=BOTTOM_MARGIN * max(1.0, LOW / height))
 
 
 def axis_label(quantity: str, unit: str, height: float) -> str:

@@ -226,6 +226,7 @@ GENERATED = {
     "language.md": "Makefile",
     "laws-measured.md": "benchmarks/laws.py",
     "mutations.md": "tests/mutations.py",
+    "questions.md": "benchmarks/questions.py",
     "sizing-thrusters.md": "benchmarks/dumps.py",
     "sizing.md": "benchmarks/sizing.py",
     "witness.md": "benchmarks/witness.py",
@@ -335,16 +336,6 @@ ACCEPTED: dict[str, dict[str, str]] = {
         "14 kB": BY_HAND,
         "8 kB": BY_HAND,
     },
-    "docs/questions.md": dict.fromkeys(  # its commands stand beside them
-        [
-            *("0.022 deg", "0.0223 A m2", "0.1 m", "0.116 deg", "0.192 A m2"),
-            *("0.526 W", "0.856 mN m s", "1.0 m", "1.6 h", "1.7e-15 mN m s"),
-            *("10.1 mN m s", "11.2 N m s", "27 g", "4.31 kg", "3.3 N m s"),
-            *("5.36 g", "13.8 min", "5.25 %", "5690 rpm", "600 s", "7 s"),
-            *("7.24 mN m s", "8.4 mN m s", "80 mm", "9.07 h", "90 deg"),
-        ],
-        BY_HAND,
-    ),
     "docs/reference.md": {
         "0.36 deg": "precession since J2000: 50.3 arc seconds a year",
         "1e-7 rad": LIMIT,
