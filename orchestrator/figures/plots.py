@@ -53,8 +53,12 @@ _FIRST: dict[str, Any] = {"width": 1.4}
 _OTHER: dict[str, Any] = {"width": 1.0, "dash": (4.0, 2.0), "alpha": 0.75}
 
 
-def series_figure(plot: Plot, runs: Sequence[Run]) -> Figure | None:
+def series_figure(
+    plot: Plot, runs: Sequence[Run], bounds: Sequence[tuple[str, float]] = ()
+) -> Figure | None:
     """Draw a scenario's `[plots.NAME]` over runs; None if nothing is recorded.
+
+    `bounds` are further limits, names and values in the plot's unit.
 
     Of two runs the first is drawn in colours and the other dashed; of more, each run
     has a colour and a dash, and one line: the largest size of its elements.
@@ -67,6 +71,7 @@ def series_figure(plot: Plot, runs: Sequence[Run]) -> Figure | None:
     if is_largest:
         lines_of_runs = [_largest(lines) for lines in lines_of_runs]
     limits = limits_of(plot.limits, parameters, unit)
+    limits += [(name, value, False) for name, value in bounds]
     # limits of a magnitude apply on the positive side only
     signed = any(
         np.nanmin(x.values, initial=0.0) < 0.0 for lines in lines_of_runs for x in lines

@@ -22,6 +22,7 @@ from ..figures.plots import series_figure
 from ..files.io import replace_text
 from ..files.scenario import abbreviations
 from ..language.scenario import Plot
+from ..numbers.limits import limits_of
 from ..numbers.text import number, spell_unit
 from ..numbers.verdicts import describe_verdicts
 from ..runs import drawings
@@ -93,11 +94,14 @@ def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
     )
     has_management = bool(figures)
     lead = max(1, len(figures) + bool(manifest.verdicts))
-    figures += [
+    plot_figures = [
         (plot.title, figure)
         for plot in _deciding_first(plots, manifest)
-        if (figure := series_figure(plot, runs))
+        if (figure := series_figure(plot, runs, _bounds(plot, manifest)))
     ]
+    # what is not met stands first
+    count = int(not all(v.met for v in manifest.verdicts.values()))
+    figures = [*plot_figures[:count], *figures, *plot_figures[count:]]
     for analysis in analyses():
         if analysis.KEY != management.KEY:
             figures += analysis.figures(manifest, run.results)
@@ -184,6 +188,9 @@ def _deciding_first(plots: Mapping[str, Plot], manifest: Manifest) -> list[Plot]
     )
     number = manifest.content.numbers.get(verdict.number)
     series = set(number.signals) if number else set()
+    if verdict.number in management.OF_COILS:
+        torquers = drawings.components_by_role(manifest).get("torquers")
+        series = {f"{torquers}.m_mean_body"}
 
     def weight(name: str) -> tuple[int, bool]:
         """Return how many of the series a plot shows, and whether its name matches."""
@@ -194,6 +201,25 @@ def _deciding_first(plots: Mapping[str, Plot], manifest: Manifest) -> list[Plot]
 
     deciding = max(plots, key=weight, default="")
     return [plots[name] for name in sorted(plots, key=lambda name: name != deciding)]
+
+
+def _bounds(plot: Plot, manifest: Manifest) -> list[tuple[str, float]]:
+    """Return the largest values that requirements allow of what a plot shows.
+
+    A share is one of the plot's limit, where it has one limit.
+    """
+    numbers, bounds = manifest.content.numbers, []
+    for v in manifest.verdicts.values():
+        number = numbers.get(v.number)
+        if v.max is None or number is None or set(number.signals) != set(plot.signals):
+            continue
+        if v.unit == plot.unit:
+            bounds.append((f"required: {number.title}", v.max))
+        elif v.unit == "%":
+            limits = limits_of(plot.limits, manifest.parameters, plot.unit)
+            if len(limits) == 1:
+                bounds.append((f"required: {v.max:g} %", v.max / 100.0 * limits[0][1]))
+    return bounds
 
 
 def figures_of(drawn: Sequence[tuple[str, Figure]]) -> dict[str, Any]:

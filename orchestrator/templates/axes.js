@@ -68,8 +68,14 @@ function nameLevel(ctx, label, hue, right, y, top, named) {
   const at = y > top + 14 * ratio ? y - 4 * ratio : y + 12 * ratio;
   if (!label || named.some((other) => Math.abs(other - at) < 12 * ratio)) return;
   named.push(at);
-  ctx.fillStyle = hue;
+  const text = label.replace(/\s+/g, " ");
   ctx.font = `${11 * ratio}px system-ui`;
   ctx.textAlign = "right";
-  ctx.fillText(label.replace(/\s+/g, " "), right - 4 * ratio, at);
+  const { width } = ctx.measureText(text);
+  ctx.globalAlpha = 0.8; // readable over lines
+  ctx.fillStyle = css("--paper");
+  ctx.fillRect(right - width - 7 * ratio, at - 10 * ratio, width + 6 * ratio, 13 * ratio);
+  ctx.globalAlpha = 1;
+  ctx.fillStyle = hue;
+  ctx.fillText(text, right - 4 * ratio, at);
 }

@@ -22,6 +22,7 @@ from desat.analyses.manifest import Manifest, Stopped
 from desat.campaign import case as campaign_case
 from desat.campaign import coordinator, plan, store
 from desat.campaign import draws as study
+from desat.campaign import sweep as sweep_study
 from desat.cli import console as console_module
 from desat.cli.commands import run as run_command
 from desat.cli.console import plain_console
@@ -410,14 +411,14 @@ def test_an_error_that_comes_from_a_full_disk_ends_as_that(desat, monkeypatch):
 
 # --- commands -------------------------------------------------------------------------
 
-SWEPT = study.Sweep("a", {}, 0, None, {}, [], [])
+SWEPT = sweep_study.Sweep("a", {}, 0, None, {}, [], [])
 
 
 @pytest.mark.parametrize("as_json", [True, False])
 @pytest.mark.parametrize(
     ("arguments", "module", "name"),
     [
-        (["sweep", "a", "b.k=0,1"], study, "sweep"),
+        (["sweep", "a", "b.k=0,1"], sweep_study, "sweep"),
         (["tables", "uosat12"], tables_command, "_draws_of"),
         (["size", "a"], sizing, "size"),
     ],

@@ -17,6 +17,7 @@ from desat import cli
 from desat.analyses import residual
 from desat.analyses.manifest import Manifest
 from desat.campaign import draws as study
+from desat.campaign import sweep as sweep_study
 from desat.campaign import report
 from desat.campaign.judged import CaseVerdict, requirement
 from desat.campaign.store import CaseRow
@@ -167,11 +168,15 @@ LATE_ONE = study.RunRow(LATE, 5, "after 1 s")
         ),
     ],
 )
-def test_a_sweep_ends_as_the_worst_of_its_points(desat, monkeypatch, rows, code, lines):
-    points = [study.SweepPoint({"a.k": k}, [row], {}) for k, row in enumerate(rows)]
-    swept = study.Sweep("NAME", {"a.k": [0, 1]}, 0, None, {}, points, [])
-    monkeypatch.setattr(study, "sweep", lambda *_, **__: swept)
-    done = desat("sweep", "NAME", "a.k=0,1", "--json")
+def test_a_sweep_ends_as_the_worst_of_its_points(
+    desat, monkeypatch, tmp_path, rows, code, lines
+):
+    points = [
+        sweep_study.SweepPoint({"a.k": k}, [row], {}) for k, row in enumerate(rows)
+    ]
+    swept = sweep_study.Sweep("NAME", {"a.k": [0, 1]}, 0, None, {}, points, [])
+    monkeypatch.setattr(sweep_study, "sweep", lambda *_, **__: swept)
+    done = desat("sweep", "NAME", "a.k=0,1", "--json", cwd=tmp_path)
     assert done.returncode == code
     assert done.stderr.splitlines() == lines
 
