@@ -17,8 +17,8 @@ from desat import cli
 from desat.analyses import residual
 from desat.analyses.manifest import Manifest
 from desat.campaign import draws as study
-from desat.campaign import sweep as sweep_study
 from desat.campaign import report
+from desat.campaign import sweep as sweep_study
 from desat.campaign.judged import CaseVerdict, requirement
 from desat.campaign.store import CaseRow
 from desat.language.content import Content
