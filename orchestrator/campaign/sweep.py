@@ -128,10 +128,17 @@ class Sweep:
         reason = f" (margin {100.0 * margin:.3g} %, {title})" if title else ""
         best_text = f"{best.place}{reason}"
         if not good:
-            return f"Holds at none of {count} combinations; nearest at {best_text}"
-        is_all = len(good) == count
-        share = f"all {count}" if is_all else f"{len(good)} of {count}"
-        return f"Holds at {share} combinations; best at {best_text}"
+            answer = f"Holds at none of {count} combinations; nearest at {best_text}"
+        else:
+            share = f"all {count}" if len(good) == count else f"{len(good)} of {count}"
+            answer = f"Holds at {share} combinations; best at {best_text}"
+        rows = [row for point in self.points for row in point.rows if row.completed]
+        undecided = [
+            name
+            for name in self.requirements
+            if any(name not in row.verdicts for row in rows)
+        ]
+        return answer + "; not decided: " * bool(undecided) + ", ".join(undecided)
 
     @property
     def numbers(self) -> DataFrame:

@@ -16,7 +16,7 @@ from ..figures import craft
 from ..files.paths import NOMINAL
 from ..runs.drawings import craft_of_system
 from ..runs.prepare import read, resolved
-from ..system.errors import DesatError
+from ..system.errors import DesatError, plain
 from ..system.options import Options
 from .cases import find_cases
 from .report import GENERATOR, render, versions, write_page
@@ -87,7 +87,7 @@ def write_index(folder: Path) -> tuple[Path, int]:
         for kind, heading in HEADINGS.items()
         if (of_kind := [entry for entry in entries if entry.kind == kind])
     }
-    title = f"{folder.resolve().name}: crafts and results"
+    title = f"{plain(folder.resolve().name)}: crafts and results"
     page = render("index.html", title=title, groups=groups, versions=versions())
     return write_page(index, page), len(entries)
 
@@ -115,7 +115,7 @@ def _page(folder: Path, page: Path) -> Iterator[Entry]:
     kind = _kind_of(page)
     if kind not in HEADINGS:
         return
-    text = page.read_text(encoding="utf-8")
+    text = page.read_text(encoding="utf-8", errors="replace")
     title, verdict, picture = (p.search(text) for p in (TITLE, VERDICT, PICTURE))
     yield _entry(
         folder,
@@ -159,11 +159,11 @@ def _entry(
     image = base64.b64encode(svg.encode()).decode()
     return Entry(
         kind,
-        title,
-        path,
-        quote(path),
+        plain(title),
+        plain(path),
+        quote(os.fsencode(path)),
         f"{changed_at:%Y-%m-%d %H:%M}",
         mark,
-        verdict,
+        plain(verdict),
         f"data:image/svg+xml;base64,{image}" if svg else "",
     )

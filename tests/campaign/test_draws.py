@@ -160,6 +160,7 @@ def test_a_sweep_says_where_its_requirements_hold(
     target = other(f'[requirements.load]\nnumber = "coil_load"\nmax = {limit}\n')
     result = sweep(target, axes_of(texts), replace(SHORT, stop=10.0), jobs=1)
     assert answer in result.answer
+    assert result.answer.endswith("; not decided: pointing, dumped")
     assert all(p["holds"] == (limit > 1.0) for p in result.to_json()["points"])
     page = sweep_page.write(result, tmp_path / "page.html").read_text("utf-8")
     assert page.count("<figure") == 3  # the two of NAME are drawn, too

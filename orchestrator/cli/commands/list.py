@@ -53,7 +53,10 @@ def list_command(
         from ...report.index import write_index
 
         page, count = write_index(Path(family or "."))
-        out.print(f"page: {page.resolve()} ({count} entries)", highlight=False)
+        out.print(
+            f"page: {page.resolve()} ({count} {'entry' if count == 1 else 'entries'})",
+            highlight=False,
+        )
         return
     if family and (Path(family) / NOMINAL).is_file():
         own_folder = catalogue.of_folder(Path(family))
