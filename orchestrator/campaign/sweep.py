@@ -133,12 +133,12 @@ class Sweep:
             share = f"all {count}" if len(good) == count else f"{len(good)} of {count}"
             answer = f"Holds at {share} combinations; best at {best_text}"
         rows = [row for point in self.points for row in point.rows if row.completed]
-        undecided = [
+        open_names = [
             name
             for name in self.requirements
             if any(name not in row.verdicts for row in rows)
         ]
-        return answer + "; not decided: " * bool(undecided) + ", ".join(undecided)
+        return answer + "; not decided: " * bool(open_names) + ", ".join(open_names)
 
     @property
     def numbers(self) -> DataFrame:
