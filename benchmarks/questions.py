@@ -82,6 +82,13 @@ def overlaid(plot: str, runs: dict[str, Any]) -> Figure:
     return figure
 
 
+def plot_of(sizing: Any) -> Figure:
+    """Draw the first figure of a sizing."""
+    figure = sizing.plot()
+    assert isinstance(figure, Figure)
+    return figure
+
+
 def is_it_desaturated() -> Answer:
     """Hold a dipole along the momentum beside the cross product."""
     subprocess.run(["desat", "new", "law", "p_direct"], check=True, capture_output=True)
@@ -198,8 +205,6 @@ def what_does_a_flap_save() -> Answer:
     """Size a craft with the centre of pressure near and far."""
     far: Any = desat.size("qsun")
     near: Any = desat.size("qflap")
-    figure = far.plot()
-    assert figure is not None
     return Answer(
         "What does a momentum flap save?",
         "https://space.stackexchange.com/questions/57514/is-there-any-more-information-available-on-jwsts-aft-momentum-flap",
@@ -209,7 +214,7 @@ def what_does_a_flap_save() -> Answer:
         f"{number(far.a_year)} kg a year, with 0.1 m {number(near.steady.a_week)} and "
         f"{number(near.a_year)}. In part: no "
         "torque over many attitudes. The picture is of 1.0 m.",
-        figure,
+        plot_of(far),
     )
 
 
@@ -217,8 +222,6 @@ def what_is_desaturation() -> Answer:
     """Size a cruise, and a slew in it."""
     cruise: Any = desat.size("qcruise")
     slew: Any = desat.size("qcruise", slew_angle=np.pi / 2.0, slew_time=600.0)
-    figure = cruise.plot()
-    assert figure is not None
     return Answer(
         "What is wheel desaturation, and why is it done?",
         "https://utzoo.superglobalmegacorp.com/usenet/b130/sci/space/12449.txt",
@@ -229,7 +232,7 @@ def what_is_desaturation() -> Answer:
         f"s needs "
         f"{number(slew.slew_momentum)} N m s of a wheel of {number(slew.capacity)}: what is in it "
         f"already is in the way.",
-        figure,
+        plot_of(cruise),
     )
 
 
@@ -278,15 +281,13 @@ def how_is_a_co_simulation_verified() -> Answer:
 def are_coils_real() -> Answer:
     """Size a craft whose coil is given by its windings."""
     coil: Any = desat.size("qcoil")
-    figure = coil.plot()
-    assert figure is not None
     return Answer(
         "Are real coils modelled?",
         "https://github.com/ericstoneking/42/issues/156",
         "desat new craft qcoil --rods 'coil 300 80x80mm 0.2mm 100mA' ...    # as above\ndesat size qcoil",
         f"300 turns of 80 x 80 mm at 100 mA are {number(coil.rod)} A m2; the least rod of this craft is "
         f"{number(coil.least)} A m2. In part: no core material, no round coil.",
-        figure,
+        plot_of(coil),
     )
 
 

@@ -141,16 +141,16 @@ def _draw_lines(ax: Axes, sweep: Sweep, name: str, over: str) -> None:
     is_numeric = all(isinstance(x, (int, float)) for x in values)
     at = np.array(values if is_numeric else range(len(values)), dtype=float)
     order = np.argsort(at, kind="stable")
-    lines: dict[str, list[float]] = {}
+    others = [axis for axis in sweep.axes if axis != over]
+    lines: dict[tuple[int, ...], list[SweepPoint]] = {}
     for point in sweep.points:
-        label = ", ".join(
-            f"{axis} = {text_of(x)}" for axis, x in point.values.items() if axis != over
-        )
-        lines.setdefault(label, []).append(_value(point, name))
-    for k, (label, line) in enumerate(lines.items()):
+        key = tuple(_place(sweep, point, axis) for axis in others)
+        lines.setdefault(key, []).append(point)
+    for k, line in enumerate(lines.values()):
+        label = ", ".join(f"{x} = {text_of(line[0].values[x])}" for x in others)
         ax.plot(
             at[order],
-            np.array(line)[order],
+            np.array([_value(point, name) for point in line])[order],
             COLOURS[k % len(COLOURS)],
             width=1.5,
             marker=5.0,
@@ -160,6 +160,11 @@ def _draw_lines(ax: Axes, sweep: Sweep, name: str, over: str) -> None:
     ax.x.log = is_numeric and bool(at.min() > 0.0 and at.max() >= 10.0 * at.min())
     if not is_numeric:
         ax.x.ticks = cell_ticks([text_of(x) for x in values])
+
+
+def _place(sweep: Sweep, point: SweepPoint, axis: str) -> int:
+    """Return the place of a point's value among those of an axis."""
+    return list(sweep.axes[axis]).index(point.values[axis])
 
 
 def _value(point: SweepPoint, name: str) -> float:
@@ -178,16 +183,12 @@ def _limits(sweep: Sweep, name: str) -> Iterator[tuple[str, float]]:
 
 
 def _map(sweep: Sweep, name: str, over: str, up: str) -> Figure:
-    """Draw a number over two axes as a map, with crosses where it is beyond a limit."""
+    """Draw a number over two axes as a map, with dots where it is beyond a limit."""
     values = np.full((len(sweep.axes[up]), len(sweep.axes[over])), np.nan)
     beyond = np.zeros(values.shape, bool)
     limits = [r for r in sweep.requirements.values() if r.number == name]
-    places = {
-        axis: {text_of(x): i for i, x in enumerate(sweep.axes[axis])}
-        for axis in (over, up)
-    }
     for point in sweep.points:
-        cell = tuple(places[axis][text_of(point.values[axis])] for axis in (up, over))
+        cell = tuple(_place(sweep, point, axis) for axis in (up, over))
         values[cell] = _value(point, name)
         beyond[cell] = not all(r.holds(values[cell]) for r in limits)
     fig, ax = figure(3.4)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..numbers.text import spell_unit
+from . import canvas
 from .canvas import BOTTOM_MARGIN, Axes, Figure
 
 # Colours of series on a light page, each with its own on a dark one. Any two differ by
@@ -72,7 +73,7 @@ def axis_label(quantity: str, unit: str, height: float) -> str:
 
 def on_dark(svg: str) -> str:
     """Return a figure as it is on a dark page."""
-    others = {"#fff": "#0d1117", "#222222": "#dddddd", "#dddddd": "#3a3d3f"}
+    others = {"#fff": "#0d1117", canvas.INK: "#dddddd", canvas.GRID: "#3a3d3f"}
     hues = {**PALETTE, **others, LIMIT: "#ff7b72"}
     return re.sub(
         r'"(#[0-9a-f]{3,6})"', lambda hue: f'"{hues.get(hue[1], hue[1])}"', svg

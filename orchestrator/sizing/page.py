@@ -107,7 +107,10 @@ def _write(
     text = render(
         "sizing.html",
         title=title,
-        made=sizing,
+        answer=sizing.answer,
+        problems=sizing.problems,
+        notes=sizing.notes,
+        heading="",
         first=first,
         tables=tables_shown,
         about=about,
