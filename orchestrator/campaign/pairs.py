@@ -110,6 +110,7 @@ def differences(ours: Draws, theirs: Draws) -> dict[str, Spread]:
             each = each_draw(rows[0], rows[1], name)
             compared[name] = replace(
                 confident(list(each.values())),
+                title=spread.title,
                 unit=spread.unit,
                 not_reached=both - len(each),
             )
@@ -160,9 +161,13 @@ def compare(first: Path, second: Path, level: float = 0.95) -> Pairs:
     names = [
         n for n in frames[0].columns if n.startswith("out.") and n in frames[1].columns
     ]
-    units = _same_units(first, second, names)
+    titles_and_units = _same_units(first, second, names)
     numbers = {
-        name[4:]: replace(_differences(matched, name, level), unit=units[name])
+        name[4:]: replace(
+            _differences(matched, name, level),
+            title=titles_and_units[name]["title"],
+            unit=titles_and_units[name]["unit"],
+        )
         for name in names
     }
     warnings = [*_warnings(one, other), *_apart(frames, cases)]
@@ -219,12 +224,13 @@ def _same_inputs(first: Path, second: Path, matched: Sequence[DataFrame]) -> Non
             )
 
 
-def _same_units(first: Path, second: Path, names: list[str]) -> dict[str, str]:
-    """Return the unit of each number; raise DesatError if the two differ."""
+def _same_units(
+    first: Path, second: Path, names: list[str]
+) -> dict[str, dict[str, str]]:
+    """Return title and unit of each number; raise DesatError if units differ."""
     from . import store
 
     descriptions = [store.described(f) for f in (first, second)]
-    units = {}
     for name in names:
         ours, theirs = (t[name[4:]]["unit"] for t in descriptions)
         if ours != theirs:
@@ -232,8 +238,7 @@ def _same_units(first: Path, second: Path, names: list[str]) -> dict[str, str]:
                 f"{first} and {second}: {name[4:]} is in {ours} and in {theirs}; "
                 "pairs need the same"
             )
-        units[name] = ours
-    return units
+    return {name: descriptions[0][name[4:]] for name in names}
 
 
 def _differences(matched: Sequence[DataFrame], name: str, level: float) -> Spread:

@@ -182,7 +182,10 @@ def text_of(value: Any) -> str:
     """Format a value of a parameter."""
     if isinstance(value, list):
         return ", ".join(map(text_of, value))
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    if isinstance(value, bool):
+        return str(value).lower()
+    # digits that tell values apart which were given apart
+    return f"{value:.12g}" if isinstance(value, float) else str(value)
 
 
 def axes_of(texts: Sequence[str]) -> dict[str, list[Any]]:

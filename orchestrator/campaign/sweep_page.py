@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,8 @@ from ..report.report import figures_of, render, versions, write_page
 from ..report.table import ROW_UNIT, Cell, Column, Row, Table, or_not_reached
 from .sweep import Sweep, SweepPoint, text_of
 
-LINES = 6  # most lines of a plot; more are a map
+LINES = 6  # most lines of a plot; more are maps
+MAPS = 6  # most maps of a number
 DRAWN = 6  # numbers that a page draws where there is no requirement
 LEVELS = 7  # colours of a map
 
@@ -99,6 +100,10 @@ def write(sweep: Sweep, path: Path) -> Path:
     about = f"{len(sweep.points)} combinations"
     if sweep.draws:
         about += f", each with the same {sweep.draws} samples; numbers are medians"
+    figures = [figure for n in numbers for figure in _draw(sweep, n)]
+    maps_left = _maps(sweep) - MAPS
+    if maps_left > 0:
+        about += f"; {maps_left} of {_maps(sweep)} maps are left to the tables"
     page = render(
         "study.html",
         title=f"{sweep.scenario} over {' and '.join(sweep.axes)}",
@@ -110,22 +115,49 @@ def write(sweep: Sweep, path: Path) -> Path:
         tables=[tabulate(sweep)],
         notes=sweep.warnings,
         versions=versions(),
-        **figures_of([(sweep.titles[n], _draw(sweep, n)) for n in numbers]),
+        **figures_of(figures),
     )
     return write_page(path, page)
 
 
-def _draw(sweep: Sweep, name: str) -> Figure:
-    """Draw a number over the axis with most values.
+def _by_values(sweep: Sweep) -> list[str]:
+    """Return the axes, the one with most values first."""
+    return sorted(sweep.axes, key=lambda axis: -len(sweep.axes[axis]))
 
-    A line stands for each combination of the others; two axes with more than `LINES`
-    are a map.
+
+def _maps(sweep: Sweep) -> int:
+    """Return the number of maps of a number, 0 where it is drawn as lines."""
+    counts = [len(sweep.axes[axis]) for axis in _by_values(sweep)[1:]]
+    return math.prod(counts[1:]) if math.prod(counts) > LINES else 0
+
+
+def _draw(sweep: Sweep, name: str) -> Iterator[tuple[str, Figure]]:
+    """Draw a number over the axis with most values, with captions.
+
+    A line stands for each combination of the others. More than `LINES` are maps over
+    the two axes with most values, one for each combination of the rest.
     """
-    over = max(sweep.axes, key=lambda axis: len(sweep.axes[axis]))
-    others = [axis for axis in sweep.axes if axis != over]
-    lines = math.prod(len(sweep.axes[axis]) for axis in others)
-    if lines > LINES and len(others) == 1:
-        return _map(sweep, name, over, others[0])
+    over, *others = _by_values(sweep)
+    title = sweep.titles[name]
+    if not _maps(sweep):
+        yield title, _lines(sweep, name, over)
+        return
+    rest = others[1:]
+    for values in [*itertools.product(*(sweep.axes[axis] for axis in rest))][:MAPS]:
+        rest_values = dict(zip(rest, values, strict=True))
+        points = [p for p in sweep.points if p.values.items() >= rest_values.items()]
+        text = _text_of_values(rest_values)
+        caption = f"{title}, {text}" if text else title
+        yield caption, _map(sweep, name, points, (over, others[0]))
+
+
+def _text_of_values(values: Mapping[str, Any]) -> str:
+    """Return values of parameters as a readable text."""
+    return ", ".join(f"{x} = {text_of(value)}" for x, value in values.items())
+
+
+def _lines(sweep: Sweep, name: str, over: str) -> Figure:
+    """Draw a number over an axis as lines, with its limits."""
     fig, ax = figure()
     _draw_lines(ax, sweep, name, over)
     for place, limit in _limits(sweep, name):
@@ -138,7 +170,9 @@ def _draw(sweep: Sweep, name: str) -> Figure:
 def _draw_lines(ax: Axes, sweep: Sweep, name: str, over: str) -> None:
     """Draw a number over an axis, a line for each combination of the others."""
     values = sweep.axes[over]
-    is_numeric = all(isinstance(x, (int, float)) for x in values)
+    is_numeric = all(
+        isinstance(x, (int, float)) and not isinstance(x, bool) for x in values
+    )
     at = np.array(values if is_numeric else range(len(values)), dtype=float)
     order = np.argsort(at, kind="stable")
     others = [axis for axis in sweep.axes if axis != over]
@@ -147,7 +181,7 @@ def _draw_lines(ax: Axes, sweep: Sweep, name: str, over: str) -> None:
         key = tuple(_place(sweep, point, axis) for axis in others)
         lines.setdefault(key, []).append(point)
     for k, line in enumerate(lines.values()):
-        label = ", ".join(f"{x} = {text_of(line[0].values[x])}" for x in others)
+        label = _text_of_values({x: line[0].values[x] for x in others})
         ax.plot(
             at[order],
             np.array([_value(point, name) for point in line])[order],
@@ -182,17 +216,24 @@ def _limits(sweep: Sweep, name: str) -> Iterator[tuple[str, float]]:
             yield from ((word, x) for word, x in extremes if x is not None)
 
 
-def _map(sweep: Sweep, name: str, over: str, up: str) -> Figure:
-    """Draw a number over two axes as a map, with dots where it is beyond a limit."""
+def _map(
+    sweep: Sweep, name: str, points: Sequence[SweepPoint], axes: tuple[str, str]
+) -> Figure:
+    """Draw a number at points over two axes, with dots where it is beyond a limit.
+
+    The colours are those of the number at all points of the sweep.
+    """
+    over, up = axes
     values = np.full((len(sweep.axes[up]), len(sweep.axes[over])), np.nan)
     beyond = np.zeros(values.shape, bool)
     limits = [r for r in sweep.requirements.values() if r.number == name]
-    for point in sweep.points:
+    for point in points:
         cell = tuple(_place(sweep, point, axis) for axis in (up, over))
         values[cell] = _value(point, name)
         beyond[cell] = not all(r.holds(values[cell]) for r in limits)
     fig, ax = figure(3.4)
-    _colour(ax, values, spell_unit(sweep.units[name]))
+    everywhere = np.array([_value(point, name) for point in sweep.points])
+    _colour(ax, values, everywhere, spell_unit(sweep.units[name]))
     row, column = np.nonzero(beyond)
     if len(row):
         ax.plot(
@@ -210,10 +251,11 @@ def _map(sweep: Sweep, name: str, over: str, up: str) -> Figure:
     return fig
 
 
-def _colour(ax: Axes, values: Any, unit: str) -> None:
-    """Colour cells by equal parts of the range of their values."""
+def _colour(ax: Axes, values: Any, everywhere: Any, unit: str) -> None:
+    """Colour cells by equal parts of the range of all values."""
     there = np.isfinite(values)
-    finite = values[there] if there.any() else np.zeros(1)
+    is_finite = np.isfinite(everywhere)
+    finite = everywhere[is_finite] if is_finite.any() else np.zeros(1)
     edges = np.linspace(finite.min(), finite.max(), LEVELS + 1)
     levels = np.clip(np.searchsorted(edges, values, "right") - 1, 0, LEVELS - 1)
     levels[~there] = LEVELS

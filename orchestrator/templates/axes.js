@@ -39,6 +39,11 @@ const text = (value, step) => {
   return value.toFixed(Math.min(digits, 12)).replace("-", "−");
 };
 
+// the unit of a label with brackets, "" without
+const unitOf = (label) => /\[([^\]]*)\]/.exec(label)?.[1] ?? "";
+// a value under the pointer, with its unit
+const reading = (value, step, label) => (value === null || value === undefined ? "–" : `${text(value, step)} ${unitOf(label)}`.trim());
+
 // uPlot's own ticks end at 1e-16, and know no hours
 const multiples = (min, max, most) => {
   const least = (max - min) / Math.max(most, 2);
@@ -62,16 +67,18 @@ const decades = (min, max) => { // of few of them, twos and fives between
 const finer = (step) => Math.abs(step / 10 ** Math.floor(Math.log10(step) + 1e-9) - 2.5) < 0.01
   ? step / 10 : step;
 
-// The name of a limit at the right end of its line, in pixels of the canvas; none over another (`named`).
-function nameLevel(ctx, label, hue, right, y, top, named) {
+// The name of a limit at the right end of its line, in pixels of the canvas; left of others (`named`)
+// of its height.
+function nameLevel(ctx, label, hue, end, y, top, named) {
+  if (!label) return;
   const ratio = devicePixelRatio || 1;
   const at = y > top + 14 * ratio ? y - 4 * ratio : y + 12 * ratio;
-  if (!label || named.some((other) => Math.abs(other - at) < 12 * ratio)) return;
-  named.push(at);
   const text = label.replace(/\s+/g, " ");
   ctx.font = `${11 * ratio}px system-ui`;
   ctx.textAlign = "right";
   const { width } = ctx.measureText(text);
+  const right = Math.min(end, ...named.filter((other) => Math.abs(other.at - at) < 12 * ratio).map((other) => other.left));
+  named.push({ at, left: right - width - 12 * ratio });
   ctx.globalAlpha = 0.8; // readable over lines
   ctx.fillStyle = css("--paper");
   ctx.fillRect(right - width - 7 * ratio, at - 10 * ratio, width + 6 * ratio, 13 * ratio);

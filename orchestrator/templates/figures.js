@@ -48,6 +48,28 @@
     }
   }
 
+  // A plot by keyboard, while it has the focus: + and - zoom, arrows move along, 0 shows all.
+  function steer(made, plot, place) {
+    const title = place.closest("figure").querySelector("figcaption").firstChild.textContent.trim();
+    place.tabIndex = 0;
+    place.setAttribute("role", "group");
+    place.setAttribute("aria-label", `${title}: plus and minus zoom, arrows move, 0 shows all`);
+    const [to, from] = plot.xlog ? [Math.log, Math.exp] : [Number, Number];
+    place.onkeydown = (event) => {
+      const change = { "+": [1, -1], "=": [1, -1], "-": [-2, 2], ArrowLeft: [-1, -1], ArrowRight: [1, 1], 0: null }[event.key];
+      if (event.target !== place || change === undefined || event.ctrlKey || event.metaKey || event.altKey) return;
+      event.preventDefault();
+      if (!change) return reset();
+      const [first, last] = ends[plot.axis].map(to);
+      let [low, high] = [made.scales.x.min, made.scales.x.max].map(to);
+      const quarter = (high - low) / 4;
+      [low, high] = [low + change[0] * quarter, high + change[1] * quarter];
+      const wide = Math.min(high - low, last - first);
+      low = Math.max(first, Math.min(low, last - wide));
+      made.setScale("x", { min: from(low), max: from(low + wide) });
+    };
+  }
+
   function under(u, plot) { // strips of modes, and bands and limits across
     const { left, top, width, height } = u.bbox;
     const ctx = u.ctx;
@@ -183,8 +205,8 @@
             fill: s.hollow ? css("--paper") : colour(s.colour) } : { show: false },
           paths: s.area || s.width ? (s.stepped ? uPlot.paths.stepped({ align: 1 }) : undefined)
             : () => null,
-          value: (u, v) => text(v, plot.log ? Math.abs(v) / 1e4
-            : (u.scales.y.max - u.scales.y.min) / 1e4),
+          value: (u, v) => reading(v, plot.log ? Math.abs(v) / 1e4
+            : (u.scales.y.max - u.scales.y.min) / 1e4, plot.label),
         })),
       ],
       bands: plot.series.flatMap((s, i) => (s.area && plot.series[i + 1]?.area
@@ -215,6 +237,7 @@
     made.isTime = plot.seconds > 0;
     now = key(plot, place);
     operable(place);
+    steer(made, plot, place);
     new ResizeObserver(() => {
       if (place.clientWidth && place.clientWidth !== made.width) {
         made.setSize({ width: place.clientWidth, height: options.height });
@@ -287,7 +310,7 @@
     const plot = told.plots[Number(figure.id.split("-")[1])];
     if (!plot) return null;
     const unit = plot.seconds ? "s" : plot.unit;
-    const y = plot.label.includes("[") ? ` [${plot.label.split("[").pop()}` : "";
+    const y = unitOf(plot.label) && ` [${unitOf(plot.label)}]`;
     const head = [unit ? `${plot.axis} [${unit}]` : plot.axis, ...plot.series.map((s) => s.label + y)];
     return async () => {
       const all = plot.samples;

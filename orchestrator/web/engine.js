@@ -83,6 +83,34 @@ function stated(law, moved) {
   return targets.length ? lines.map((line) => `as the scenario has it: ${line}`) : lines;
 }
 
+// The capacity of the smallest wheel (N m s).
+const capacityOf = ({ of }, table) => Math.min(...table[of.rotors].filter((x) => x > 0)) * table[of.limit];
+
+// The limits of the fullest wheel, and of a plot.
+const limitsOfFullest = ({ managed, dumps }, table) => [capacityOf(managed, table),
+  ...(dumps?.of_wheels ? [table[dumps.begin], table[dumps.end]] : [])].map((x) => x * managed.scale);
+const limitsOf = (plot, table) => plot.limits.map((l) => evaluated(l.value, table));
+
+// Of each limit of the charts the slider that moves it, and how far by one of its shown unit; null
+// where none does so in proportion.
+function handlesOf(law, moved) {
+  const levels = (more) => {
+    const table = tableOf(law, { ...moved, ...more });
+    return [...(law.managed?.drawn ? [limitsOfFullest(law, table)] : []), ...law.plots.map((of) => limitsOf(of, table))];
+  };
+  const now = levels({});
+  const found = now.map((limits) => limits.map(() => null));
+  for (const { name, start, low, high } of law.sliders) {
+    const [first, step] = [moved[name] ?? start, (high - low) / 100];
+    const [one, two] = [1, 2].map((n) => levels({ [name]: first + n * step }));
+    now.forEach((limits, i) => limits.forEach((level, k) => {
+      const [by, further] = [one[i][k] - level, two[i][k] - one[i][k]];
+      if (by && Math.abs(further - by) < 1e-9 * Math.abs(by)) found[i][k] ??= { name, slope: by / step };
+    }));
+  }
+  return found;
+}
+
 class Flight {
   constructor(told, module) {
     this.told = told;
@@ -111,6 +139,7 @@ class Flight {
     }
     try {
       this.table = tableOf(this.law, moved);
+      this.handles = handlesOf(this.law, moved);
     } catch (error) {
       return (this.fault = error.message);
     }
@@ -336,7 +365,7 @@ class Flight {
     const known = law?.holds && managed && this.lost() === null && this.balance();
     if (known) {
       const deadband = this.table[`${law.name}.h_deadband`] ?? law.deadband;
-      lines.push(...measures.describe_effect(law.name, known.times, ...known.effect, deadband, this.capacity()));
+      lines.push(...measures.describe_effect(law.name, known.times, ...known.effect, deadband, capacityOf(managed, this.table)));
     }
     return lines;
   }
@@ -377,20 +406,14 @@ class Flight {
     return [this.times(this.made + 1), ...both.map((s) => $.get(s, [{ slice: [0, rows] }]))];
   }
 
-  // The capacity of the smallest wheel (N m s).
-  capacity() {
-    const { of } = this.law.managed;
-    return Math.min(...this.table[of.rotors].filter((x) => x > 0)) * this.table[of.limit];
-  }
-
-  // The fullest wheel with management and without, and its capacity.
+  // The fullest wheel with management and without, and its limits.
   fullest() {
     const { inverse, scale, series } = this.law.managed;
     const known = this.balance();
     const full = (h) => $.mul($.max($.abs(h), { axis: 1 }), scale).data;
     const lines = [full(this.series(series.h))];
     if (known) lines.push(full($.matmul(known.without, $.T($.array(inverse.map((r) => $.array(r)))))));
-    return { lines, limits: [this.capacity() * scale] };
+    return { lines, limits: limitsOfFullest(this.law, this.table) };
   }
 
   // What this flight leaves for a model of those with other dumps (`modelled`): the attitude, and the
@@ -430,8 +453,7 @@ class Flight {
         });
       }
     });
-    const limits = of.limits.map((l) => evaluated(l.value, this.table));
-    return { lines, limits };
+    return { lines, limits: limitsOf(of, this.table) };
   }
 }
 

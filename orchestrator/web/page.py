@@ -40,6 +40,7 @@ from ..report.cases import CraftCases, find_cases
 from ..report.policy import part
 from ..report.report import data_element, render
 from ..report.scene import body_of, sources_of
+from ..report.table import SCALES
 from ..runs import substep_choice
 from ..runs.drawings import craft_of_system
 from ..runs.prepare import prepare, read
@@ -425,6 +426,10 @@ def _page_data(
         "colours": COLOURS,
         "dashes": [[1.5 * x for x in dash] for dash in DASHES],
         "limit": LIMIT,
+        "scales": [
+            {spell_unit(unit): of for unit, of in units.items()}
+            for units in SCALES.values()
+        ],
         "laws": laws,
         "ground": 6378137.0,
     }

@@ -15,6 +15,7 @@ function shown(id, began, last) {
     id, done: flight.made, fault: flight.fault, warnings: flight.warnings, last, seconds: (performance.now() - began) / 1e3,
     times: thinnedTimes(flight.told, rows, PARTS),
     plots: flight.charts().map(({ lines, limits }) => ({ lines: thinned(lines, rows, PARTS), limits })),
+    handles: flight.handles,
   };
   message.end = flight.told.start + (rows - 1) * flight.told.step;
   message.ended = flight.ended;

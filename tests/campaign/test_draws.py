@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 from dataclasses import replace
 
 import pytest
+from lxml import html
 
 from desat.campaign import sweep_page
 from desat.campaign.draws import Draws, RunRow, draws, one
 from desat.campaign.pairs import common, differences, each_draw
 from desat.campaign.spread import Spread
-from desat.campaign.sweep import axes_of, sweep
+from desat.campaign.sweep import Sweep, SweepPoint, axes_of, sweep
 from desat.numbers.text import number
 from desat.runs.cases import Cases
 from desat.runs.prepare import read
@@ -142,7 +144,7 @@ def test_a_sweep_is_its_runs():
     [
         (["manager.gain=1e-3,5e-3"], 1e6, "Holds at all 2 combinations; best at "),
         (["manager.gain=1e-3,5e-3"], 1e-6, "Holds at none of 2 combinations; nearest"),
-        (["manager.velocity_dumping=true,false"], 1e6, "velocity_dumping = "),
+        (["manager.velocity_dumping=true,false"], 1e6, "velocity_dumping = true"),
         (
             [
                 "manager.gain=1,2,3,4,5,6,7",
@@ -165,6 +167,70 @@ def test_a_sweep_says_where_its_requirements_hold(
     page = sweep_page.write(result, tmp_path / "page.html").read_text("utf-8")
     assert page.count("<figure") == 3  # the two of NAME are drawn, too
     assert f"at most {number(limit)}" in page
+
+
+@pytest.mark.parametrize(
+    ("counts", "maps", "about"),
+    [
+        ((2, 3, 2), 0, "12 combinations."),
+        ((2, 4, 4), 2, "32 combinations."),
+        ((3, 4, 3, 3), 6, "3 of 9 maps are left to the tables"),
+    ],
+)
+def test_a_sweep_over_many_parameters_is_lines_or_maps(tmp_path, counts, maps, about):
+    """Up to six lines a plot; else maps over the two longest axes, one a combination
+    of the others, in colours of all."""
+    names = [f"c.{k}" for k in "uvwx"[: len(counts)]]
+    axes = {
+        name: [True, False] if n == 2 else [*map(float, range(n))]
+        for name, n in zip(names, counts, strict=True)
+    }
+    result = sweep_of(axes, lambda values: float(sum(values)))
+    page = sweep_page.write(result, tmp_path / "page.html").read_text("utf-8")
+    assert page.count("<figure") == max(1, maps)
+    assert about in page
+    assert page.count("Load, c.u = true") == (maps == 2)
+    if maps:
+        assert len({*re.findall("[0-9.]+ to [0-9.]+ N m", page)}) == sweep_page.LEVELS
+
+
+def test_values_that_read_alike_are_two_points(tmp_path):
+    near = [1.0000001, 1.0000002]
+    axes = {"c.u": near, "c.v": [*map(float, range(7))]}
+    result = sweep_of(axes, lambda values: 1e7 * (values[0] - 1.0) + values[1])
+    page = sweep_page.write(result, tmp_path / "page.html").read_text("utf-8")
+    assert {*re.findall(r"c\.u = ([0-9.]+)", page)} == {*map(str, near)}
+    (plot,) = result_plots(page)
+    assert [line["label"] for line in plot["series"]] == [f"c.u = {x}" for x in near]
+
+
+def result_plots(page):
+    """What the plots of a page draw."""
+    tree = html.fromstring(page)
+    return json.loads(tree.find(".//script[@id='drawn']").text)["plots"]
+
+
+def sweep_of(axes, compute):
+    """A sweep whose one number is a function of the values."""
+    points = [
+        SweepPoint(
+            dict(zip(axes, values, strict=True)),
+            [RunRow("completed", 0, "")],
+            {"load": Spread(levels={"median": compute(values)})},
+        )
+        for values in itertools.product(*axes.values())
+    ]
+    return Sweep(
+        "a",
+        axes,
+        0,
+        None,
+        {"load": "N.m"},
+        points,
+        [],
+        titles={"load": "Load"},
+        axis_titles={name: (name, "") for name in axes},
+    )
 
 
 def test_a_sweep_with_draws_has_their_medians():

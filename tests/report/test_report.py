@@ -405,6 +405,16 @@ def test_zoom_and_values_in_a_browser(browser, page, width, scheme):
     assert all(r == ranges[0] for r in ranges)
     tab.locator(".whole").first.click()
     assert set(map(tuple, tab.evaluate(RANGES))) == {(0, 1200)}
+    tab.locator(".live").first.focus()
+    for key, span in [
+        ("+", (300, 900)),
+        ("ArrowRight", (450, 1050)),
+        ("-", (0, 1200)),
+        ("+", (300, 900)),
+        ("0", (0, 1200)),
+    ]:
+        tab.keyboard.press(key)
+        assert {tuple(map(round, x)) for x in tab.evaluate(RANGES)} == {span}
     tab.locator(".u-legend .u-series th").nth(1).click()
     assert tab.evaluate("desat.shown[0].series[1].show") is False
     tab.emulate_media(media="print")

@@ -26,8 +26,9 @@ from typer.testing import CliRunner
 from desat import cli
 from desat.numbers.derived import QUANTITIES
 from desat.numbers.measures import MEASURES
-from desat.numbers.text import number
+from desat.numbers.text import number, spell_unit
 from desat.numbers.verdicts import describe_verdicts
+from desat.report.table import SCALES, SI_UNITS
 from desat.runs.prepare import prepare, read
 from desat.runs.run import Options, Run, execute
 from desat.studies import ranking
@@ -305,12 +306,18 @@ def without_rounding(value: float | None) -> float | None:
 
 
 def differing(
-    page_texts: dict[str, str], command_numbers: dict[str, Any]
+    page_texts: dict[str, tuple[str, str]], command_numbers: dict[str, Any]
 ) -> dict[str, tuple[str, str]]:
-    """What a page shows where a command prints another number, and that."""
+    """What a page shows where a command has another number, and that.
+
+    A page shows a quantity in one unit, as a table of `desat run` does.
+    """
     differences = {}
-    for name, text in page_texts.items():
-        value = command_numbers[name]["value"]
+    for name, (text, page_unit) in page_texts.items():
+        value, unit = (command_numbers[name][k] for k in ("value", "unit"))
+        if value is not None and spell_unit(unit) != page_unit:
+            units = {spell_unit(u): f for u, f in SCALES[SI_UNITS[unit]].items()}
+            value *= units[spell_unit(unit)] / units[page_unit]
         if value is not None and 0.0 < abs(value) < ROUNDED:
             same = abs(float(text)) < ROUNDED
         else:
@@ -655,13 +662,7 @@ def test_a_slider_moved_in_a_browser_gives_what_the_shown_line_prints(
         command.stderr
     )  # 1: what is required is not met in 200 s
     command_numbers = json.loads(command.stdout)["numbers"]
-    page_texts = {
-        row["name"]: row["value"]
-        for row in tab.evaluate(
-            """[...document.querySelectorAll("#numbers tr[data-number]")].map(r =>
-           ({name: r.dataset.number, value: r.children[1].textContent}))"""
-        )
-    }
+    page_texts = shown_numbers(tab)
     assert len(page_texts) > 12
     assert differing(page_texts, command_numbers) == {}
     labels = tab.evaluate("desat.charts.map(u => [u.axes[0].label, u.axes[1].label])")
@@ -1073,6 +1074,15 @@ def test_a_page_warns_of_thrusters_as_a_run_does(tmp_path, kind):
     assert text in lines_alike(answer.path, str(target), options, {})
 
 
+def shown_numbers(tab: Any) -> dict[str, tuple[str, str]]:
+    """The numbers of a page by name, as texts with their units."""
+    rows = tab.evaluate(
+        """[...document.querySelectorAll("#numbers tr[data-number]")].map(
+             r => [r.dataset.number, r.children[1].textContent, r.dataset.unit])"""
+    )
+    return {name: (text, unit) for name, text, unit in rows}
+
+
 class Tab:
     """A page in a browser, and what it says."""
 
@@ -1106,13 +1116,6 @@ class Tab:
     def command(self) -> list[str]:
         return shlex.split(self.text("command"))
 
-    def shown(self) -> dict[str, str]:
-        rows = self.tab.evaluate(
-            """[...document.querySelectorAll("#numbers tr[data-number]")].map(
-                 r => [r.dataset.number, r.children[1].textContent])"""
-        )
-        return dict(rows)
-
     def warnings(self) -> list[str]:
         return list(self.tab.locator("#warnings li").all_inner_texts())
 
@@ -1144,7 +1147,7 @@ def test_an_arrow_on_a_slider_stays_in_the_range_of_the_law(
     command = desat(*line[1:], "--out", str(tmp_path / "run"), "--json")
     assert command.returncode in (0, 1), command.stderr
     command_numbers = json.loads(command.stdout)["numbers"]
-    page_texts = at.shown()
+    page_texts = shown_numbers(at.tab)
     assert len(page_texts) > 12
     assert differing(page_texts, command_numbers) == {}
     at.tab.locator("#reset").click()
@@ -1300,12 +1303,128 @@ def test_csv_of_a_chart_has_all_samples_of_both_flights(browser, craft, page_to_
     at.type("torquers.m_limit", "0.06")
     head, *rows = save_csv(at.tab)
     at.tab.close()
-    for label, sets in [("", ["torquers.m_limit=0.06"]), (", kept", [])]:
+    for label, sets in [("", ["torquers.m_limit=0.06"]), (", kept 1", [])]:
         run = execute(str(craft), Options(stop=3000.0, substeps=1, sets=sets), None)
         fullest = 1e3 * np.abs(run["wheels.h_wheel"]).max(axis=1)
         column = head.index(f"with management{label} [mN m s]")
         csv_values = np.array([row[column] for row in rows], dtype=float)
         assert np.allclose(csv_values, fullest, rtol=1e-9, atol=0.0)
+
+
+@needs_zig
+def test_flights_are_kept_beside_one_another(browser, page_to_save):
+    """Each has a column and lines of its own, until its button takes it away."""
+    at = Tab(browser, page_to_save.path)
+    for value in ("0.06", "0.1"):
+        at.tab.locator("#compare").click()
+        at.type("torquers.m_limit", value)
+    entries = at.tab.locator("#kept li")
+    assert entries.all_inner_texts() == [
+        "× kept 1: as the scenario has it",
+        "× kept 2: largest dipole of each coil 0.06 A m2",
+    ]
+    head = at.tab.locator("#numbers th").all_inner_texts()
+    assert head[:3] == ["now", "kept 1", "kept 2"]
+    entries.first.locator("button").click()
+    assert entries.all_inner_texts() == [
+        "× kept 1: largest dipole of each coil 0.06 A m2"
+    ]
+    labels = at.tab.evaluate("desat.charts[0].series.map(s => s.label)")
+    assert [x for x in labels if "kept" in x] == [
+        "with management, kept 1",
+        "without management (estimated), kept 1",
+    ]
+    assert at.errors == []
+    at.tab.close()
+
+
+CSV_HEAD = "# telemetry\ntime [min],flight [N m s],error [deg],heat [K]\n"
+CSV_ROWS = "0,0.001,1,300\n10,,2,300\n20,0.003,3,300\n"
+
+
+@needs_zig
+def test_a_csv_of_ones_own_lies_over_the_curves(browser, page_to_save, tmp_path):
+    """In the charts' units, at its own times; what fits none is said."""
+    at = Tab(browser, page_to_save.path)
+    file = tmp_path / "own.csv"
+    file.write_text(CSV_HEAD + CSV_ROWS)
+    at.tab.set_input_files("#own", file)
+    wait_until(at.tab, "document.querySelector('#kept li')")
+    text = at.text("kept")
+    assert 'flight in "Momentum of the fullest wheel' in text
+    assert "heat [K] in none, whose units are [mNms]" in text
+    head, *rows = save_csv(at.tab)
+    column = head.index("flight, own.csv [mN m s]")
+    drawn_values = {float(row[0]): row[column] for row in rows if row[column]}
+    assert drawn_values == {0.0: "1", 1200.0: "3"}
+    assert at.errors == []
+    at.tab.close()
+
+
+@needs_zig
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", "a line of names and lines of numbers are needed"),
+        ("time [s];h\n0;1\n", "no chart has the unit of h; there is [mNms]"),
+        ("t,h [Nms]\n0,1\n", 'the first column is "t"; it has to be time [s]'),
+        ("time [y],h [Nms]\n0,1\n", 'the first column is "time [y]"'),
+        (CSV_HEAD + "0,x,1,1\n", 'row 1, flight [N m s]: "x" is not a number'),
+        (CSV_HEAD + "1,1,1,1\n1,1,1,1\n", 'row 2: time "1" does not come after'),
+        (CSV_HEAD + "100,1,1,1\n", "no row lies within the flight"),
+    ],
+)
+def test_a_csv_that_cannot_be_drawn_is_refused(
+    browser, page_to_save, tmp_path, content, message
+):
+    at = Tab(browser, page_to_save.path)
+    file = tmp_path / "own.csv"
+    file.write_text(content)
+    at.tab.set_input_files("#own", file)
+    wait_until(at.tab, "document.getElementById('refused').textContent")
+    assert at.text("refused").startswith("own.csv: ")
+    assert message in at.text("refused")
+    assert at.tab.locator("#kept li").count() == 0
+    at.tab.close()
+
+
+@needs_zig
+def test_a_threshold_is_dragged_in_its_chart(browser, geo, tmp_path):
+    """By pointer and by arrows; its slider follows, and the loop flies with it."""
+    laws = {"threshold": Options(stop=10.0 * 86400.0)}
+    answer = page.export(str(geo), laws, [], tmp_path / "page.html")
+    at = Tab(browser, answer.path)
+    capacity, begin, end = at.tab.evaluate("desat.shown.plots[0].limits")
+    assert (begin, end) == (35.0, 5.0)
+    grips = at.tab.locator("figure").first.locator(".grip")
+    assert grips.count() == 2  # the capacity has no slider there
+    box = grips.first.bounding_box()
+    height = at.tab.evaluate(
+        f"desat.charts[0].valToPos(20, 'y') - desat.charts[0].valToPos({begin}, 'y')"
+    )
+    x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
+    at.tab.mouse.move(x, y)
+    at.tab.mouse.down()
+    at.tab.mouse.move(x, y + 0.5 * height)
+    at.tab.mouse.move(x, y + height)
+    at.tab.mouse.up()
+    at.wait()
+    slider_values = at.tab.evaluate("desat.shown.moved")
+    assert [*slider_values] == ["manager.begin"]
+    assert slider_values["manager.begin"] == pytest.approx(20.0, abs=0.03 * capacity)
+    assert at.value("manager.begin") == slider_values["manager.begin"]
+    assert (
+        at.tab.evaluate("desat.shown.plots[0].limits[1]")
+        == slider_values["manager.begin"]
+    )
+    grips.nth(1).focus()
+    at.tab.keyboard.press("ArrowUp")
+    at.tab.keyboard.press("ArrowUp")
+    at.wait()
+    assert at.value("manager.end") > end
+    assert at.tab.evaluate("document.activeElement.className") == "grip"
+    assert at.errors == []
+    at.tab.close()
 
 
 @needs_zig

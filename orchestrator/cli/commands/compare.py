@@ -374,11 +374,12 @@ def _tabulate_pairs(pairs: Pairs) -> Table:
     for name, spread in pairs.numbers.items():
         if not spread.n:
             continue
+        title = spread.title or name
         # there may be too few pairs for an interval of the median
         interval = spread.interval if spread.interval_holds else (None, None)
         higher = 100.0 * (spread.higher or 0) / spread.n
         shares = (spread.share_lower, *spread.share_lower_interval, higher)
         rows.append(
-            (name, spread.levels["median"], *interval, *shares, spread.n, spread.unit)
+            (title, spread.levels["median"], *interval, *shares, spread.n, spread.unit)
         )
     return Table("", columns, rows)

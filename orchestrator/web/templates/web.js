@@ -17,7 +17,11 @@
   let warned = []; // what `desat run` would warn of, of the flight
   let asked = 0;
   let shown = null; // what was flown last: {law, moved, plots, numbers}
-  let reference = null;
+  const references = []; // flights that are kept, drawn pale beside the one of now
+  const MOST_KEPT = told.dashes.length - 1;
+  let own = null; // a table of the reader's: {name, times, columns, text}
+  let dragged = null; // the limit under the pointer, {i, k}
+  let pulled = null; // where it was dragged to, until its flight has come: {i, k, value}
   let model = null; // of the flight that was asked for: {id, line, text}
   let charts = [];
   let seeking = false; // cursors follow the view of orbit and attitude
@@ -177,10 +181,14 @@
     $id("controls").onsubmit = (event) => event.preventDefault();
     $id("reset").onclick = reset;
     $id("compare").onclick = () => {
-      reference = reference ? null : shown;
-      if (reference) samplesOf(reference); // before another flight takes its place
-      $id("compare").textContent = reference ? "without the pale one" : "compare with this";
-      draw();
+      if (!shown || references.includes(shown)) return;
+      samplesOf(shown); // before another flight takes its place
+      references.push(shown);
+      beside();
+    };
+    $id("own").onchange = ({ target }) => {
+      if (target.files[0]) read(target.files[0]);
+      target.value = "";
     };
     $id("copy").onclick = async () => {
       try {
@@ -189,6 +197,25 @@
         getSelection().selectAllChildren($id("command"));
       }
     };
+  }
+
+  // What is drawn beside the flight, each with a button that takes it away; then all of it is drawn.
+  function beside() {
+    const entry = (textContent, remove) => {
+      const button = make("button", { type: "button", textContent: "×", onclick: () => { remove(); beside(); } });
+      button.setAttribute("aria-label", `without ${textContent}`);
+      return make("li", {}, button, ` ${textContent}`);
+    };
+    const entries = references.map((flight, j) => entry(`kept ${j + 1}: ${stateOf(flight)}`, () => references.splice(j, 1)));
+    if (own) entries.push(entry(own.text, () => { own = null; }));
+    $id("kept").replaceChildren(...entries);
+    $id("compare").disabled = references.length === MOST_KEPT;
+    if (shown) draw();
+  }
+  function stateOf(flight) {
+    const { name, sliders: of } = told.laws[flight.law];
+    const values = of.filter((s) => s.name in flight.moved).map((s) => `${s.title} ${amount(flight.moved[s.name], s)}`);
+    return [...(told.laws.length > 1 ? [name] : []), ...(values.length ? values : ["as the scenario has it"])].join(", ");
   }
 
   let timer = 0;
@@ -221,49 +248,121 @@
   const MODEL = "with management, by the model";
   const plotsOf = (l) => {
     const { managed, plots } = told.laws[l];
+    const thresholds = told.laws[l].dumps?.of_wheels ? ["a dump begins", "a dump ends"] : [];
     const first = managed?.drawn && { title: "Momentum of the fullest wheel, with management and without",
-      label: managed.label, names: ["with management", NONE], limits: ["capacity"], log: false };
+      label: managed.label, names: ["with management", NONE], limits: ["capacity", ...thresholds], log: false };
     return [...(first ? [first] : []), ...plots.map((p) => ({ ...p,
       names: p.norm ? p.signals : p.lines.flat().filter(Boolean), limits: p.limits.map((x) => x.name) }))];
   };
   const known = (values) => Array.from(values, (v) => (Number.isFinite(v) ? v : null));
   const most = (lines) => lines.flat().reduce((m, v) => Math.max(m, Math.abs(v ?? 0)), 0);
 
-  // the lines of a chart: its own, those of the reference in pale, and the limits
-  function content(i, flight = shown, kept = reference) {
+  // the lines of a chart: those of kept flights in pale, its own, those of a table, and the limits
+  function content(i, flight = shown, kept = references) {
     const of = plotsOf(flight.law)[i];
-    const own = flight.plots[i].lines.map(known);
-    const names = of.names;
-    const series = own.map((y, k) => ({ label: names[k], y, stroke: told.colours[k % told.colours.length],
-      dash: own.length > 1 ? told.dashes[k % told.dashes.length] : [], width: 1.4 }));
-    const other = kept && plotsOf(kept.law).findIndex((p) => p.title === of.title);
-    if (kept && other >= 0) {
-      kept.plots[other].lines.forEach((y, k) => series.unshift({
-        label: `${plotsOf(kept.law)[other].names[k]}, kept`, y: known(y), pale: true, width: 1.4,
-        stroke: told.colours[k % told.colours.length],
-      }));
+    const { times } = flight;
+    const lines = flight.plots[i].lines.map(known);
+    const hue = (k) => told.colours[k % told.colours.length];
+    const dashes = (k) => told.dashes[k % told.dashes.length];
+    const series = kept.flatMap((other, j) => {
+      if (!other) return [];
+      const plots = plotsOf(other.law);
+      const at = plots.findIndex((p) => p.title === of.title);
+      return at < 0 ? [] : other.plots[at].lines.map((y, k) => ({ label: `${plots[at].names[k]}, kept ${j + 1}`,
+        times: other.times, y: known(y), pale: true, width: 1.4, stroke: hue(k), dash: told.dashes[j] }));
+    });
+    lines.forEach((y, k) => series.push({ label: of.names[k], times, y, stroke: hue(k), dash: lines.length > 1 ? dashes(k) : [], width: 1.4 }));
+    if (i === 0 && model?.id === asked && model.line.length === times.length) {
+      series.push({ label: MODEL, times, y: known(model.line), stroke: hue(2), dash: [2, 2], width: 1.4 });
     }
-    if (i === 0 && model?.id === asked && model.line.length === own[0].length) {
-      series.push({ label: MODEL, y: known(model.line), stroke: told.colours[2], dash: [2, 2], width: 1.4 });
-    }
-    const signed = own.some((y) => y.some((v) => v < 0));
-    const top = most(own);
+    (own?.columns ?? []).filter(({ title }) => title === of.title).forEach(({ name, y }, k) => series.push({ label: `${name}, ${own.name}`,
+      times: own.times, y, stroke: hue(lines.length + 1 + k), dash: dashes(lines.length + 1 + k), width: 1.4 }));
+    const signed = lines.some((y) => y.some((v) => v < 0));
+    const top = most(lines);
     const far = [];
-    flight.plots[i].limits.forEach((value, k) => {
-      const text = `${signed ? "±" : ""}${number(value)} ${of.limits[k]}`;
-      if (value > 10 * top) return far.push(`${text}: far beyond`);
+    const levels = [];
+    const beyond = [];
+    flight.plots[i].limits.forEach((limit, k) => {
+      const value = pulled?.i === i && pulled.k === k ? pulled.value : limit;
+      const label = of.limits[k];
+      const named = `${signed ? "±" : ""}${number(value)} ${label}`;
+      // of a flight under way nothing is said yet
+      const isFar = flight.numbers ? value > 10 * top : charts[i]?.isFar?.[k];
+      beyond.push(isFar);
+      if (isFar) return far.push(`${named}: far beyond`);
       for (const v of signed ? [value, -value] : [value]) {
-        series.push({ label: v === value ? text : "", level: v, y: own[0].map(() => v), stroke: told.limit, width: 1.1, dash: [2, 3] });
+        levels.push({ value: v, k, label: v === value ? named : "" });
+        series.push({ label: v === value ? label : "", times, y: lines[0].map(() => v), stroke: told.limit, width: 1.1, dash: [2, 3] });
       }
     });
-    return { of, series, far };
+    return { of, series, levels, far, isFar: beyond };
+  }
+  const joined = (series) => uPlot.join(series.map((s) => [s.times, s.y]));
+  const keyOf = (i, series) => [...series.map((s) => s.label + s.pale), dark.matches, ...shown.handles[i].map((h) => h?.name)].join("\n");
+
+  // Another value of a slider whose limit stands at a level of a chart.
+  function pull(i, k, level) {
+    const { name, slope } = shown.handles[i][k];
+    const slider = sliders().find((s) => s.name === name);
+    const [from, limit] = [shown.moved[name] ?? slider.start, shown.plots[i].limits[k]];
+    const value = grid(slider, from + (level - limit) / slope);
+    pulled = { i, k, value: limit + (value - from) * slope };
+    moved[name] = value;
+    changed();
+    draw();
+  }
+
+  // What a limit is dragged by, where a slider moves it: by pointer, or by arrows.
+  function grips(i) {
+    const { plot } = charts[i];
+    charts[i].grips = shown.handles[i].map((handle, k) => {
+      const slider = handle && shown.law === law && sliders().find((s) => s.name === handle.name);
+      if (!slider) return null;
+      const grip = make("span", { className: "grip", tabIndex: 0, textContent: "↕", title: `${slider.title}: drag it, or arrow keys` });
+      for (const [key, value] of Object.entries({ role: "slider", "aria-label": slider.title, "aria-orientation": "vertical",
+        "aria-valuemin": slider.low, "aria-valuemax": slider.high })) grip.setAttribute(key, value);
+      grip.onpointerdown = (e) => {
+        e.preventDefault();
+        grip.focus({ preventScroll: true });
+        dragged = { i, k };
+      };
+      grip.onkeydown = (e) => {
+        const way = { ArrowUp: 1, ArrowDown: -1 }[e.key];
+        if (!way) return;
+        e.preventDefault();
+        const now = pulled?.i === i && pulled.k === k ? pulled.value : shown.plots[i].limits[k];
+        const [low, high] = [plot.scales.y.min, plot.scales.y.max];
+        pull(i, k, now + way * Math.max((high - low) / 100, 0.006 * Math.abs(handle.slope) * (slider.high - slider.low)));
+      };
+      plot.over.append(grip);
+      return grip;
+    });
+  }
+  document.addEventListener("pointermove", (e) => { // of the page: a chart that is made anew has other grips
+    if (!dragged) return;
+    const { plot } = charts[dragged.i];
+    pull(dragged.i, dragged.k, plot.posToVal(e.clientY - plot.over.getBoundingClientRect().top, "y"));
+  });
+  for (const end of ["pointerup", "pointercancel"]) document.addEventListener(end, () => { dragged = null; });
+  function placeGrips(i) {
+    const { plot, levels } = charts[i];
+    charts[i].grips?.forEach((grip, k) => {
+      if (!grip) return;
+      const level = levels.find((l) => l.k === k);
+      grip.hidden = !level;
+      if (!level) return;
+      grip.style.top = `${plot.valToPos(level.value, "y")}px`;
+      const { name } = shown.handles[i][k];
+      grip.setAttribute("aria-valuenow", at(sliders().find((s) => s.name === name)));
+    });
   }
 
   const tall = (i) => (i === 0 && innerWidth <= 800 ? 190 : 270); // px; the first stays in sight there
   function chart(i) {
-    const { of, series, far } = content(i);
+    const { of, series, levels, far, isFar } = content(i);
     const place = charts[i].place;
-    charts[i].key = series.map((s) => s.label + s.pale).join("\n") + dark.matches;
+    const focused = charts[i].grips?.indexOf(document.activeElement);
+    Object.assign(charts[i], { key: keyOf(i, series), levels, isFar, grips: null });
     charts[i].plot?.destroy();
     const ink = css("--ink");
     const axis = { stroke: ink, grid: { stroke: css("--grid"), width: 1 }, ticks: { stroke: ink, width: 1, size: 5 },
@@ -290,16 +389,20 @@
       ],
       series: [{ label: "time", value: (u, t) => (t === null ? "–" : `${text(t / told.seconds, (shown.end - told.start) / told.seconds / 1e4)} ${told.time_unit}`) },
         ...series.map((s) => ({ label: s.label, stroke: shade(s), width: s.width, dash: s.dash, points: { show: false },
-          value: (u, v) => text(v, (u.scales.y.max - u.scales.y.min) / 1e4) }))],
+          value: (u, v) => reading(v, (u.scales.y.max - u.scales.y.min) / 1e4, of.label) }))],
       cursor: { y: false, drag: { x: false, y: false }, sync: { key: "time", setSeries: false, scales: ["x", null] } },
       hooks: { draw: [(u) => {
         const named = [];
-        for (const s of series.filter(({ level }) => level !== undefined)) {
-          nameLevel(u.ctx, s.label, colour(s.stroke), u.bbox.left + u.bbox.width, u.valToPos(s.level, "y", true), u.bbox.top, named);
+        for (const { label, value } of charts[i].levels) {
+          nameLevel(u.ctx, label, colour(told.limit), u.bbox.left + u.bbox.width, u.valToPos(value, "y", true), u.bbox.top, named);
         }
+        placeGrips(i);
       }], setCursor: [(u) => !seeking && u.cursor.left >= 0 && scene.at(u.posToVal(u.cursor.left, "x"))] },
       legend: { markers: { width: 2, dash: border } },
-    }, [shown.times, ...series.map((s) => s.y)], place);
+    }, joined(series), place);
+    grips(i);
+    placeGrips(i);
+    charts[i].grips[focused]?.focus({ preventScroll: true });
     operable(place);
     // the other side of a limit needs no name
     [...place.querySelectorAll(".u-legend tr")].forEach((row, k) => { if (k && !series[k - 1].label) row.style.display = "none"; });
@@ -318,10 +421,11 @@
       $id("plots").replaceChildren(...figures.slice(1));
     }
     plots.forEach((p, i) => {
-      const { series, far } = content(i);
-      if (!charts[i].plot || charts[i].key !== series.map((s) => s.label + s.pale).join("\n") + dark.matches) return chart(i);
+      const { series, levels, far, isFar } = content(i);
+      if (!charts[i].plot || charts[i].key !== keyOf(i, series)) return chart(i);
       charts[i].note.textContent = far.join("; ");
-      charts[i].plot.setData([shown.times, ...series.map((s) => s.y)]);
+      Object.assign(charts[i], { levels, isFar });
+      charts[i].plot.setData(joined(series));
     });
     numbers();
     answer();
@@ -341,15 +445,14 @@
 
   // The values of a chart: all samples, or what the first line says.
   async function chartCsv(i) {
-    const [drawn, kept] = [shown, reference];
-    const [whole, other] = await Promise.all([samplesOf(drawn), kept && samplesOf(kept)]);
-    const [flight, pale] = whole ? [whole, other] : [drawn, null];
-    const { of, series } = content(i, flight, pale);
-    const unit = of.label.includes("[") ? ` [${of.label.split("[").pop()}` : "";
-    const times = pale?.times.length > flight.times.length ? pale.times : flight.times;
-    const notes = (whole ? "" : binsLine(times.length, Math.round((drawn.end - told.start) / told.step) + 1))
-      + (kept && !pale ? "# without the kept flight, whose samples are gone\n" : "");
-    return notes + csvText(["time [s]", ...series.map((s) => (s.label || "limit") + unit)], [times, ...series.map((s) => s.y)]);
+    const [drawn, kept] = [shown, [...references]];
+    const [whole, ...others] = await Promise.all([drawn, ...kept].map(samplesOf));
+    const pale = whole ? others : [];
+    const { of, series } = content(i, whole ?? drawn, pale);
+    const unit = unitOf(of.label) && ` [${unitOf(of.label)}]`;
+    const notes = (whole ? "" : binsLine(drawn.times.length, Math.round((drawn.end - told.start) / told.step) + 1))
+      + (pale.filter(Boolean).length < kept.length ? "# without kept flights whose samples are gone\n" : "");
+    return notes + csvText(["time [s]", ...series.map((s) => (s.label || "limit") + unit)], joined(series));
   }
 
   // A chart as an SVG on white.
@@ -374,6 +477,7 @@
       const path = [];
       let open = false;
       u.data[i + 1].forEach((v, k) => {
+        if (v === undefined) return; // of another line
         if (v === null) { open = false; return; }
         path.push(`${open ? "L" : "M"}${place(u.data[0][k], "x").toFixed(1)} ${place(v, "y").toFixed(1)}`);
         open = true;
@@ -448,8 +552,20 @@
   };
   const failed = ({ min, max }, value) => (min !== undefined || max !== undefined)
     && (value === null || value < min || value > max);
-  function requirement({ min, max }, value) {
-    const limits = [...(min === undefined ? [] : [`at least ${number(min)}`]), ...(max === undefined ? [] : [`at most ${number(max)}`])];
+  // Of units the one in which a table with these rows shows them, and the factor to it: one a quantity,
+  // as report/table.py chooses it.
+  function scalesOf(rows) {
+    return Object.assign({}, ...told.scales.map((units) => {
+      const own = rows.filter(({ unit }) => unit in units);
+      if (new Set(own.map(({ unit }) => unit)).size < 2) return {};
+      const most = Math.max(0, ...own.flatMap(({ unit, values }) => values.map((v) => Math.abs(v ?? 0) * units[unit])));
+      const all = Object.entries(units);
+      const [shownUnit, whole] = most === 0 ? all[0] : all.find(([, factor]) => most >= factor) ?? all.at(-1);
+      return Object.fromEntries(all.map(([unit, factor]) => [unit, { unit: shownUnit, by: factor / whole }]));
+    }));
+  }
+  function requirement({ min, max }, value, by) {
+    const limits = [...(min === undefined ? [] : [`at least ${number(min * by)}`]), ...(max === undefined ? [] : [`at most ${number(max * by)}`])];
     if (!limits.length) return make("td");
     const met = !failed({ min, max }, value);
     return make("td", { className: met ? "ok" : "bad", textContent: `${limits.join(", ")}: ${met ? "met" : "NOT MET"}` });
@@ -457,13 +573,18 @@
   function numbers() {
     const titles = titlesOf(shown.law);
     const head = make("tr", {}, make("td"), make("th", { className: "n", textContent: "now" }),
-      ...(reference ? [make("th", { className: "n pale", textContent: "kept" })] : []), make("th", { textContent: "unit" }), make("th", { textContent: "required" }));
-    const rows = Object.entries(titles).filter(([name]) => name in (shown.numbers || {})).map(([name, t]) => {
+      ...references.map((_, j) => make("th", { className: "n pale", textContent: `kept ${j + 1}` })), make("th", { textContent: "unit" }), make("th", { textContent: "required" }));
+    const entries = Object.entries(titles).filter(([name]) => name in (shown.numbers || {}));
+    const scales = scalesOf(entries.map(([name, { unit, required: { min, max } }]) => ({ unit,
+      values: [shown.numbers[name], min, max, ...references.map((r) => r.numbers?.[name])] })));
+    const rows = entries.map(([name, t]) => {
       const value = shown.numbers[name];
-      const row = make("tr", {}, make("td", { textContent: t.title }), make("td", { className: "n", textContent: number(value) }),
-        ...(reference ? [make("td", { className: "n pale", textContent: number(reference.numbers?.[name]) })] : []),
-        make("td", { textContent: t.unit }), requirement(t.required, value));
-      row.dataset.number = name;
+      const { unit, by } = scales[t.unit] ?? { unit: t.unit, by: 1 };
+      const inUnit = (v) => number(v && v * by);
+      const row = make("tr", {}, make("td", { textContent: t.title }), make("td", { className: "n", textContent: inUnit(value) }),
+        ...references.map((r) => make("td", { className: "n pale", textContent: inUnit(r.numbers?.[name]) })),
+        make("td", { textContent: unit }), requirement(t.required, value, by));
+      [row.dataset.number, row.dataset.unit] = [name, unit];
       return row;
     });
     if (shown.numbers) $id("numbers").replaceChildren(head, ...rows);
@@ -479,6 +600,71 @@
     $id("state").textContent = `by the model: ${model.text}; flying …`;
     if (shown) draw();
   }
+
+  // --- a table of the reader's ---------------------------------------------------------------------
+
+  const SECONDS = { s: 1, min: 60, h: 3600, d: 86400 };
+  const PREFIXES = { n: 1e-9, u: 1e-6, "µ": 1e-6, m: 1e-3, k: 1e3 };
+  const unitIn = (label) => unitOf(label).replace(/[\s.·*]/g, "");
+  function between(from, to) { // the factor from one unit to another that differs by its prefix; else null
+    if (from === to) return 1;
+    for (const [prefix, factor] of Object.entries(PREFIXES)) {
+      if (from === prefix + to) return factor;
+      if (to === prefix + from) return 1 / factor;
+    }
+    return null;
+  }
+  // A CSV: time, then columns that are drawn in the chart with a line of that name, else in the first
+  // one of their unit. An Error says what cannot be read.
+  function tableOfCsv(name, content) {
+    const lines = content.replace(/^\uFEFF/, "").split(/\r?\n/).filter((line) => line.trim() && !line.startsWith("#"));
+    const separator = ["\t", ";", ","].find((s) => lines[0]?.includes(s));
+    if (!separator || lines.length < 2) throw new Error(`${name}: a line of names and lines of numbers are needed, as a chart's CSV has them`);
+    const cells = (line) => (line.match(new RegExp(`(^|${separator})("([^"]|"")*"|[^${separator}]*)`, "g")) ?? [])
+      .map((cell, k) => (k ? cell.slice(1) : cell).trim().replace(/^"(.*)"$/, "$1").replace(/""/g, '"'));
+    const [head, ...rows] = lines.map(cells);
+    const seconds = /^(time|t)\s*\[/i.test(head[0]) ? SECONDS[unitIn(head[0])] : undefined;
+    if (!seconds) throw new Error(`${name}: the first column is "${head[0]}"; it has to be time [s], [min], [h] or [d]`);
+    const value = (text, k, column) => {
+      if (!text || /^nan$/i.test(text)) return null;
+      if (!Number.isFinite(Number(text))) throw new Error(`${name}: row ${k + 1}, ${head[column]}: "${text}" is not a number`);
+      return Number(text);
+    };
+    const times = rows.map((row, k) => (value(row[0], k, 0) ?? NaN) * seconds);
+    const late = times.findIndex((t, k) => !(k ? t > times[k - 1] : t === t));
+    if (late >= 0) throw new Error(`${name}: row ${late + 1}: time "${rows[late][0]}" does not come after the one before`);
+    const plots = plotsOf(shown.law);
+    const [columns, left] = [[], []];
+    head.slice(1).forEach((label, column) => {
+      const title = label.replace(/\s*\[[^\]]*\]\s*$/, "");
+      const fitting = plots.filter((p) => between(unitIn(label), unitIn(p.label)) !== null);
+      const plot = fitting.find((p) => p.names.includes(title)) ?? fitting[0];
+      if (!plot) return left.push(label);
+      const scale = between(unitIn(label), unitIn(plot.label));
+      const y = rows.map((row, k) => { const v = value(row[column + 1], k, column + 1); return v === null ? v : v * scale; });
+      columns.push({ name: title, title: plot.title, y });
+    });
+    const units = [...new Set(plots.map((p) => unitIn(p.label)))].map((u) => `[${u}]`).join(", ");
+    if (!columns.length) throw new Error(`${name}: no chart has the unit of ${left.join(", ")}; there is ${units}`);
+    if (!times.some((t) => told.start <= t && t <= shown.end)) throw new Error(`${name}: no row lies within the flight`);
+    const text = [name, ...columns.map((c) => `${c.name} in "${c.title}"`), ...left.map((l) => `${l} in none, whose units are ${units}`)].join("; ");
+    return { name, times, columns, text };
+  }
+  async function read(file) {
+    $id("refused").textContent = "";
+    try {
+      if (!shown) throw new Error(`${file.name}: wait for the first flight`);
+      own = tableOfCsv(file.name, await file.text());
+      beside();
+    } catch (error) {
+      $id("refused").textContent = error.message;
+    }
+  }
+  document.addEventListener("dragover", (event) => event.preventDefault());
+  document.addEventListener("drop", (event) => {
+    event.preventDefault();
+    if (event.dataTransfer.files[0]) read(event.dataTransfer.files[0]);
+  });
 
   // --- the worker ----------------------------------------------------------------------------------
 
@@ -498,7 +684,8 @@
       document.documentElement.dataset.flown = data.id; // for who waits
     } else $id("state").textContent = `${model?.id === asked ? `by the model: ${model.text}; ` : ""}flying … ${Math.round((100 * data.done) / told.steps)} %`;
     if (!data.plots.length) return;
-    shown = { id: data.id, law, moved: { ...moved }, numbers: data.numbers, unmet: data.unmet ?? [], plots: data.plots, times: data.times,
+    pulled = null;
+    shown = { id: data.id, law, moved: { ...moved }, numbers: data.numbers, unmet: data.unmet ?? [], plots: data.plots, handles: data.handles, times: data.times,
       end: data.end, ended: data.ended, view: data.view };
     draw();
   };
