@@ -14,22 +14,23 @@ from . import canvas
 from .canvas import BOTTOM_MARGIN, Axes, Figure
 
 # Colours of series on a light page, each with its own on a dark one. Any two differ by
-# 15 (CIEDE2000) or more for normal, deuteranopic and protanopic eyes, and by a contrast
-# of 3 from the page (tests/figures/test_palette.py).
+# 15 (CIEDE2000) or more for normal, deuteranopic and protanopic eyes, by 12 for
+# tritanopic ones, and by a contrast of 3 from the page (tests/figures/test_palette.py).
 PALETTE = {
-    "#075b9a": "#44aeff",  # blue
-    "#cc7aa6": "#ff6a74",  # rose
-    "#2d8c61": "#00cba7",  # green
-    "#9965ef": "#9678a3",  # purple
-    "#8f5c00": "#ffa800",  # ochre
-    "#303338": "#fffff8",  # ink
-    "#11716e": "#7cdae9",  # teal
-    "#583e26": "#a46432",  # brown
-    "#929c00": "#f3ffa1",  # lime
+    "#244c6e": "#12a7ff",  # blue
+    "#d0759c": "#c59ea6",  # rose
+    "#318b61": "#109070",  # green
+    "#574fdf": "#96769d",  # violet
+    "#8f5c01": "#ffa106",  # ochre
+    "#292c30": "#edfff8",  # ink
+    "#3298e9": "#37e2fe",  # sky
+    "#573a1f": "#a6632f",  # brown
+    "#96981c": "#f7ffa1",  # lime
 }
 COLOURS = tuple(PALETTE)
-INK = "#303338"  # of the palette; drawings whose lines are not series leave it out
+INK = "#292c30"  # of the palette; drawings whose lines are not series leave it out
 LIMIT = "#b22222"
+DARK = {**PALETTE, LIMIT: "#ff7b72"}  # each colour that has its own on a dark page
 # colours of filled limits, in order
 BANDS = ("#b22222", "#e0a100", "#5b7f95")
 BINS = 240  # parts of a line whose minimum and maximum are drawn as an area
@@ -74,7 +75,7 @@ def axis_label(quantity: str, unit: str, height: float) -> str:
 def on_dark(svg: str) -> str:
     """Return a figure as it is on a dark page."""
     others = {"#fff": "#0d1117", canvas.INK: "#dddddd", canvas.GRID: "#3a3d3f"}
-    hues = {**PALETTE, **others, LIMIT: "#ff7b72"}
+    hues = {**DARK, **others}
     return re.sub(
         r'"(#[0-9a-f]{3,6})"', lambda hue: f'"{hues.get(hue[1], hue[1])}"', svg
     )

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from markupsafe import Markup
 
-from ..figures.style import PALETTE
+from ..figures.style import DARK
 from ..system import discovery
 
 # Place of the policy in page.html; the scripts of a page are known only at its end.
@@ -41,7 +41,7 @@ class PageScripts:
 
     def element(self, names: Sequence[str]) -> Markup:
         """Return a script element made of these parts of templates/."""
-        palette = Markup(json.dumps(PALETTE))
+        palette = Markup(json.dumps(DARK))
         code = Markup("\n").join(map(part, names)).replace("@PALETTE@", palette)
         digest = base64.b64encode(hashlib.sha256(code.encode()).digest()).decode()
         source = f"'sha256-{digest}'"

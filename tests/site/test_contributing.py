@@ -89,7 +89,7 @@ def test_a_measure_a_field_of_the_manifest_and_a_colour_are_a_change_of_one_file
         "step=system.step,",
         "step=system.step, planned=system.steps + 1,",
     )
-    change_file(tree, "a colour of plots", "#075b9a", "#123456")
+    change_file(tree, "a colour of plots", "#244c6e", "#123456")
     (tree / "here").mkdir()
     (tree / "here" / "mine.toml").write_text(SCENARIO)
     command(tree, "run", "mine.toml", "--stop", "5", "--blocks", "--out", "run")
@@ -99,4 +99,4 @@ def test_a_measure_a_field_of_the_manifest_and_a_colour_are_a_change_of_one_file
     assert manifest["numbers"]["first"]["value"] > 0.0
     report = (tree / "here" / "run" / "report.html").read_text()
     assert "#123456" in report
-    assert "#075b9a" not in report
+    assert "#244c6e" not in report
