@@ -112,8 +112,10 @@ class CampaignSummary:
                 entry[1].shown_within / entry[1].requirement.probability,
             ),
         )
+        spread = self.numbers.get(worst.requirement.number)
+        title = short_title((spread.title if spread else "") or name)
         share = (
-            f"{name}: {worst.outside} of {worst.n} cases are outside, so {worst.shown_within:.3g} % "
+            f"{title}: {worst.outside} of {worst.n} cases are outside, so {worst.shown_within:.3g} % "
             f"or more are within; {100.0 * worst.requirement.probability:g} % are asked, with a "
             f"confidence of {100.0 * worst.requirement.confidence:g} %"
         )
@@ -522,9 +524,9 @@ def _histograms(
     Units are those of the table of the numbers.
     """
     limits: dict[str, list[tuple[str, float]]] = {}
-    for name, verdict in summarised.requirements.items():
+    for verdict in summarised.requirements.values():
         entry = verdict.requirement
-        extremes = [(f"{name}, max", entry.max), (f"{name}, min", entry.min)]
+        extremes = [("at most", entry.max), ("at least", entry.min)]
         limit_lines = limits.setdefault(entry.number, [])
         limit_lines += [
             (label, value) for label, value in extremes if value is not None

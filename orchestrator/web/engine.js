@@ -460,9 +460,9 @@ class Flight {
 // Turn vector k of `from` into that of `to`: body to eci (sign 1) or back (-1), C(q)' v = v + w t + u x t
 // with t = 2 u x v.
 function turn(q, k, from, to, sign) {
-  const [a, b, c] = [sign * q[4 * k], sign * q[4 * k + 1], sign * q[4 * k + 2]], w = q[4 * k + 3], i = 3 * k;
-  const [x, y, z] = [from[i], from[i + 1], from[i + 2]];
-  const [p, r, s] = [2 * (b * z - c * y), 2 * (c * x - a * z), 2 * (a * y - b * x)];
+  const a = sign * q[4 * k], b = sign * q[4 * k + 1], c = sign * q[4 * k + 2], w = q[4 * k + 3];
+  const i = 3 * k, x = from[i], y = from[i + 1], z = from[i + 2];
+  const p = 2 * (b * z - c * y), r = 2 * (c * x - a * z), s = 2 * (a * y - b * x);
   to[i] = x + w * p + b * s - c * r;
   to[i + 1] = y + w * r + c * p - a * s;
   to[i + 2] = z + w * s + a * r - b * p;
@@ -477,17 +477,23 @@ function modelled(told, law, moved, { table: before, q, momentum }) {
   if (Object.keys(table).some((name) => !free(name) && String(table[name]) !== String(before[name]))) return null;
   const [begin, end] = [table[dumps.begin], table[dumps.end]];
   const rows = momentum.length / 3, times = [], line = new Float64Array(rows);
-  const inside = new Float64Array(momentum), gone = [0, 0, 0];
-  for (let k = 0; k < rows; k++) {
-    const i = 3 * k, whole = [0, 1, 2].map((j) => momentum[i + j] - gone[j]);
-    inside.set(whole, i);
+  const inside = new Float64Array(momentum), gone = [0, 0, 0], inverse = managed.inverse.flat();
+  for (let k = 0; k < rows; k++) { // without arrays of a row: a move is answered while it goes on
+    const i = 3 * k;
+    let square = 0, fullest = 0;
+    for (let j = 0; j < 3; j++) {
+      inside[i + j] = momentum[i + j] - gone[j];
+      square += inside[i + j] ** 2;
+    }
     turn(q, k, inside, inside, -1);
-    const wheels = managed.inverse.map((row) => Math.abs(row[0] * inside[i] + row[1] * inside[i + 1] + row[2] * inside[i + 2]));
-    const fullest = Math.max(...wheels);
-    const fill = dumps.of_wheels ? fullest : Math.hypot(...whole);
+    for (let w = 0; w < inverse.length; w += 3) {
+      const h = inverse[w] * inside[i] + inverse[w + 1] * inside[i + 1] + inverse[w + 2] * inside[i + 2];
+      fullest = Math.max(fullest, Math.abs(h));
+    }
+    const fill = dumps.of_wheels ? fullest : Math.sqrt(square);
     line[k] = managed.scale * fullest;
     if (fill < begin) continue;
-    for (let j = 0; j < 3; j++) gone[j] += whole[j] * (1 - end / fill);
+    for (let j = 0; j < 3; j++) gone[j] += (momentum[i + j] - gone[j]) * (1 - end / fill);
     times.push(told.start + k * told.step);
   }
   return { line, times };
