@@ -6,7 +6,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Bytecode is kept, whatever the environment says: the tests start hundreds of processes, which would compile all of it.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo fmus ssp test test-slow check fuzz mutations builds bench house witness sizing flown papers site release clean
+.PHONY: demo fmus ssp test test-slow studies check fuzz mutations builds bench house witness sizing flown papers site release clean
 
 demo: ssp ## build everything, run and pack one scenario, say what it came to beside the paper's value
 	@rm -rf runs/demo
@@ -22,13 +22,16 @@ fmus: .venv/.installed ## build the FMUs of all blocks into fmus/dist/; PLATFORM
 ssp: fmus ## write the SSD of every craft; .ssp files are packed on demand: desat pack [NAME]
 	@$(BIN)/desat pack --ssd | grep -v ": current" || true
 
-test: .venv/.installed ## lint, types and all tests but the studies of test-slow
+test: .venv/.installed ## lint, types and all tests but those of test-slow and studies
 	@$(BIN)/python -m compileall -q orchestrator components fmus
 	@$(MAKE) --no-print-directory -j2 check fmus
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow"
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow and not study"
 
-test-slow: fmus ## the tests that take long: studies that show the state of a release
+test-slow: fmus ## the tests that take long
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m slow
+
+studies: fmus ## tests that fly for weeks or predict what flew: before a release, and where a change is of sizing or dumps
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m study
 
 check: .venv/.installed ## lint, types, and blocks within what translates to C
 	@rm -rf .venv/names && mkdir -p .venv/names/desat
@@ -101,7 +104,7 @@ clean: ## remove what the other targets have made
 	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "Python 3.11 or newer is needed: make PYTHON=python3.11 ...")'
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e ".[dev,witness]" \
-		|| { echo "without libcosim and Ecos: their tests will be skipped"; \
+		|| { echo "without libcosim, Ecos and opensvf: their tests will be skipped"; \
 		$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e ".[dev]"; }
 	@$(BIN)/python -m compileall -q orchestrator components fmus  # pip leaves that of a checkout out
 	@touch $@

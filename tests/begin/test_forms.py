@@ -402,7 +402,7 @@ def test_the_bias_of_size_keeps_all_wheels_from_zero(tmp_path, wheels):
     assert sizing.body_rate == pytest.approx(0.03 / a_rate)
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.parametrize("spin", ["0.78rpm z", "0.95rpm x", "0.3rpm z"])
 def test_a_spinning_craft_is_sized_as_it_flies(tmp_path, spin):
     facts = CraftFacts(

@@ -69,7 +69,7 @@ def test_a_craft_of_one_line_flies_as_it_is_wanted(tmp_path: Path, name: str) ->
     assert run.manifest.numbers["pointing"].value < 0.2
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_a_sun_pointing_craft_is_sized_to_a_percent_of_its_loop(tmp_path: Path) -> None:
     write(tmp_path / "mine", CRAFTS["sun"], "")
     sizing = size_of(

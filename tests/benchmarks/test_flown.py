@@ -28,7 +28,7 @@ def test_factors():
     assert prediction.factor(4.0) == prediction.factor(1.0) == 2.0
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_no_prediction_gets_worse():
     table = study.missions()
     factors_stored = json.loads(study.STORED.read_text(encoding="utf-8"))

@@ -179,7 +179,7 @@ print(process.returncode, usage.ru_maxrss, file=sys.stderr)
 """
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.skipif(not hasattr(os, "wait4"), reason="needs POSIX")
 def test_a_million_steps_stay_below_400_mb(tmp_path):
     """The memory is the kernel's count; all rows would take 0.6 GB on disk."""

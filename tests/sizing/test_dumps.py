@@ -372,9 +372,11 @@ BOTH = CraftFacts(
     ("changes", "days"),
     [
         ({}, 4),
-        pytest.param({"dump": "both every 1d"}, 6, marks=pytest.mark.slow),
-        pytest.param({"rods": "0.006Am2"}, 8, marks=pytest.mark.slow),
-        pytest.param({"pointing": "sun", "rods": "0.01Am2"}, 5, marks=pytest.mark.slow),
+        pytest.param({"dump": "both every 1d"}, 6, marks=pytest.mark.study),
+        pytest.param({"rods": "0.006Am2"}, 8, marks=pytest.mark.study),
+        pytest.param(
+            {"pointing": "sun", "rods": "0.01Am2"}, 5, marks=pytest.mark.study
+        ),
     ],
 )
 def test_thrusters_dump_what_rods_leave_as_it_flies(tmp_path, changes, days):
@@ -411,7 +413,7 @@ def test_rods_that_suffice_leave_the_thrusters_nothing(tmp_path):
     assert "no dump. Its rods of 0.1 A m2 take 100 % of the momentum" in craft.answer
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_what_the_law_commands_at_most_counts_as_smaller_rods(tmp_path):
     requirements, shares = SizingRequirements(flown=False, year=False), []
     for rods, values in (("0.004Am2", {"manager.m_limit": 0.002}), ("0.002Am2", {})):
@@ -664,7 +666,7 @@ def test_what_the_model_says_comes_before_the_loop(tmp_path, desat):
     assert lines[1].startswith("mine holds")
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_the_model_is_within_5_percent_of_the_closed_loop(tmp_path):
     """A craft in low orbit with thrusters alone, for it dumps often: 3 days, seven
     dumps."""
@@ -808,7 +810,7 @@ def test_a_craft_file_is_no_scenario_and_says_which_there_are(tmp_path):
         prepare(str(tmp_path / "mine" / "craft.toml"), Options())
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_aligned_dumps_are_sized_as_they_fly_and_save_a_quarter(tmp_path):
     """LANE: 0.769 kg a year where dumps wait until |h|_1 / |h| is 1.03, 26 % less than
     without."""

@@ -210,7 +210,7 @@ def test_faults_refuse_several_crafts_under_laws():
         faults.fly_faults(["a", "b"], Options(), [], 1, 1, laws=["all"])
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_a_fault_under_which_the_first_law_is_worse_flies_more_samples(craft):
     """Only that fault, for all laws, with the samples that were there first."""
     fly = [str(craft)], Options(stop=900.0), faults.chosen(["coil_weak"]), 2, 1

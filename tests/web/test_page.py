@@ -414,7 +414,7 @@ def test_a_craft_that_dumps_by_thrusters_has_the_standard_numbers_on_its_page(
         assert numbers["left_rms"] < 0.8 * numbers["unmanaged_rms"]
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @needs_zig
 @pytest.mark.parametrize(
     ("wheels", "stop", "moves"),
