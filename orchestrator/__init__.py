@@ -13,6 +13,8 @@ from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Unpack
 
+from .system.program_values import with_plain_arguments
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -113,6 +115,7 @@ def __getattr__(name: str) -> Any:
     return getattr(module, name)
 
 
+@with_plain_arguments
 def run(
     target: str | PathLike[str],
     sets: Mapping[str, Any] | None = None,
@@ -134,7 +137,7 @@ def run(
         of an array as a list, a tuple, a numpy array or a pandas Series. A mapping has
         the variables of a component: {"manager": {"gain": 2e-3}}.
     stop
-        Stop time in seconds, a timedelta, or "2 orbits".
+        Stop time in seconds, a timedelta, or a text as "6h" or "2 orbits".
     step
         Step in seconds.
     folder
@@ -182,6 +185,7 @@ def run(
     )
 
 
+@with_plain_arguments
 def new(
     folder: str | PathLike[str], *, force: bool = False, **facts: Unpack[Facts]
 ) -> Path:
@@ -265,6 +269,7 @@ def scenario(target: str | PathLike[str]) -> DataFrame:
     return DataFrame(explain.show(str(target))).set_index("key")
 
 
+@with_plain_arguments
 def size(
     target: str | PathLike[str],
     sets: Mapping[str, Any] | None = None,
@@ -345,6 +350,7 @@ def size(
     return sized(str(target), options_given, requirements)
 
 
+@with_plain_arguments
 def fit(
     target: str | PathLike[str],
     log: str | PathLike[str],
@@ -397,8 +403,9 @@ def fit(
     return result
 
 
+@with_plain_arguments
 def compare(
-    *targets: str | PathLike[str] | Run,
+    *targets: str | PathLike[str] | Run | Sequence[str | PathLike[str] | Run],
     laws: str | Sequence[str] | None = None,
     by: str | None = None,
     sets: Mapping[str, Any] | None = None,
@@ -413,7 +420,7 @@ def compare(
     Parameters
     ----------
     *targets
-        Scenarios, runs and run folders; with `laws` one craft.
+        Scenarios, runs and run folders, or one list of them; with `laws` one craft.
     laws
         "all", names of laws, or files of your own: the craft flies law by law.
     by
@@ -445,6 +452,8 @@ def compare(
     from .system.errors import DesatError
 
     options_given = options_of(stop, step, sets, options)
+    if len(targets) == 1 and isinstance(targets[0], (list, tuple)):
+        targets = tuple(targets[0])
     if laws is None:
         each = [t if isinstance(t, Run) else str(t) for t in targets]
         if by is not None:
@@ -466,6 +475,7 @@ def compare(
     return ranking.choose(names[0], options_given, criteria, known, own_laws)
 
 
+@with_plain_arguments
 def faults(
     *targets: str | PathLike[str],
     names: Sequence[str] = (),
@@ -539,6 +549,7 @@ def faults(
     )
 
 
+@with_plain_arguments
 def tune(
     target: str | PathLike[str],
     parameter: str,
@@ -654,6 +665,7 @@ def load(folder: str | PathLike[str], *, curves: bool = False) -> Run | Dataset:
     return load_run(path)
 
 
+@with_plain_arguments
 def draws(
     target: str | PathLike[str],
     count: int = 20,
@@ -702,6 +714,7 @@ def draws(
     ).to_json()
 
 
+@with_plain_arguments
 def check(
     target: str | PathLike[str],
     sets: Mapping[str, Any] | None = None,
@@ -739,6 +752,7 @@ def check(
     return find(str(target), options_of(stop, step, sets, options))
 
 
+@with_plain_arguments
 def bound(target: str | PathLike[str] | Run) -> LowerBound | CoilBound:
     """Compute the least effort with which a run could have done, as `desat bound` does.
 
@@ -766,6 +780,7 @@ def bound(target: str | PathLike[str] | Run) -> LowerBound | CoilBound:
     return bound_of(target if isinstance(target, Run) else str(target))[1]
 
 
+@with_plain_arguments
 def sweep(
     target: str | PathLike[str],
     axes: Mapping[str, Sequence[Any]],
@@ -828,6 +843,7 @@ def sweep(
     )
 
 
+@with_plain_arguments
 def cases(
     target: str | PathLike[str],
     count: int,

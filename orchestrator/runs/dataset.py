@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -154,27 +155,35 @@ def _series(results: Results, name: str, length: int) -> tuple[Lazy, str]:
     dtype = first.dtype if rows >= length else np.dtype("f8")
     shape = (length, *first.shape[1:])
 
-    def until(begin: int, end: int) -> Any:
-        """Read rows from `begin` to `end`, with nan rows where the series has ended."""
-        values = results.values(name, slice(begin, min(end, rows))).astype(
-            dtype, copy=False
-        )
-        lacking = max(end - max(begin, rows), 0)
-        blank = np.full((lacking, *values.shape[1:]), np.nan)
-        return np.concatenate([values, blank.astype(dtype)]) if lacking else values
+    return Lazy(shape, dtype, partial(_read, results, name, length, dtype)), along
 
-    def read(key: tuple[Any, ...]) -> Any:
-        """Read the values of an index."""
-        rows_, *rest = key
-        if not isinstance(rows_, slice):
-            at = int(rows_)
-            value = until(at, at + 1)[0]
-            return value[tuple(rest)] if rest else value
-        begin, end, step = rows_.indices(length)
-        values = until(begin, end)[::step] if step > 0 else until(0, length)[rows_]
-        return values[(slice(None), *rest)]
 
-    return Lazy(shape, dtype, read), along
+def _read(
+    results: Results, name: str, length: int, dtype: np.dtype[Any], key: tuple[Any, ...]
+) -> Any:
+    """Read the values of an index of a series of `length` rows."""
+    until = partial(_rows, results, name, dtype)
+    rows_, *rest = key
+    if not isinstance(rows_, slice):
+        at = int(rows_)
+        value = until(at, at + 1)[0]
+        return value[tuple(rest)] if rest else value
+    begin, end, step = rows_.indices(length)
+    values = until(begin, end)[::step] if step > 0 else until(0, length)[rows_]
+    return values[(slice(None), *rest)]
+
+
+def _rows(
+    results: Results, name: str, dtype: np.dtype[Any], begin: int, end: int
+) -> Any:
+    """Read rows from `begin` to `end`, with nan rows where the series has ended."""
+    rows = results.count(name)
+    values = results.values(name, slice(begin, min(end, rows))).astype(
+        dtype, copy=False
+    )
+    lacking = max(end - max(begin, rows), 0)
+    blank = np.full((lacking, *values.shape[1:]), np.nan)
+    return np.concatenate([values, blank.astype(dtype)]) if lacking else values
 
 
 def _attributes(results: Results, name: str) -> dict[str, Any]:

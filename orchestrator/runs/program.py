@@ -12,8 +12,9 @@ from desat.components.contract.block import Block
 
 from ..files.class_source import file_of
 from ..system.errors import DesatError, nearest
-from ..system.options import Options, RunOptions
+from ..system.options import Options, RunOptions, orbits
 from ..system.program_values import plain_values
+from ..system.quantity import Quantity
 
 
 def options_of(
@@ -36,7 +37,10 @@ def options_of(
     entries: dict[str, Any] = dict(keywords)
     option_names = {*RunOptions.__annotations__, "sets", "stop", "step", *others}
     if unknown := [name for name in entries if name not in RunOptions.__annotations__]:
-        raise DesatError(f"{unknown[0]}: no option{nearest(unknown[0], option_names)}")
+        raise DesatError(
+            f"{unknown[0]}: no option{nearest(unknown[0], option_names)}; values of "
+            "components are given as sets={'component.variable': value}"
+        )
     if sets is not None and not isinstance(sets, Mapping):
         raise DesatError(
             f"sets: a {type(sets).__name__} is given; a mapping of 'component.variable' "
@@ -46,18 +50,24 @@ def options_of(
     if isinstance(sources, Mapping):
         sources = [f"{name}={_fmu_of(name, fmu)}" for name, fmu in sources.items()]
     return Options(
-        stop=_seconds(stop),
-        step=_seconds(step),
+        stop=_seconds("stop", stop),
+        step=_seconds("step", step),
         values=plain_values(sets or {}),
         sources=sources,
         **entries,
     )
 
 
-def _seconds(time: Any) -> Any:
-    """Return a timedelta of Python, pandas or numpy in seconds; another value as it is."""
+def _seconds(name: str, time: Any) -> Any:
+    """Return a timedelta of Python, pandas or numpy, or a text as "6h", in seconds.
+
+    A text of orbits and any other value are returned as they are. Raises DesatError for
+    another text.
+    """
     if isinstance(time, np.timedelta64):
         return float(time / np.timedelta64(1, "s"))
+    if isinstance(time, str) and not (name == "stop" and orbits(time)):
+        return Quantity(name, "s")(time)
     return time.total_seconds() if isinstance(time, timedelta) else time
 
 

@@ -56,8 +56,8 @@ if TYPE_CHECKING:
 
     from ..figures.canvas import Figure
 
-Array = NDArray[Any]
 
+Array = NDArray[Any]
 SHOWN = 6  # numbers in a run's `repr`
 
 __all__ = [
@@ -139,9 +139,25 @@ class Run:
         """Close the file of the series."""
         self.results.close()
 
+    def to_xarray(self) -> Dataset:
+        """Return the series as `data` does."""
+        return self.data
+
     def keys(self) -> list[str]:
         """Return the names of the series."""
         return list(self)
+
+    def values(self) -> Iterator[Array]:
+        """Return the series, as `run[name]` has them."""
+        return (self[name] for name in self)
+
+    def items(self) -> Iterator[tuple[str, Array]]:
+        """Return the series with their names."""
+        return ((name, self[name]) for name in self)
+
+    def __len__(self) -> int:
+        """Return the number of series."""
+        return len(self.results.names())
 
     def __iter__(self) -> Iterator[str]:
         """Iterate over the names of the series."""
@@ -158,8 +174,9 @@ class Run:
     def __getitem__(self, series: str | list[str]) -> Array | Dataset:
         """Return a series `component.variable`: (rows,) or (rows, elements), its unit.
 
-        "time" are the times of the rows (s). Means over steps have a row less. Of
-        several names it is an xarray Dataset, as `data`.
+        "time" are the times of the rows (s). Means over steps have a row less. It is a
+        numpy array: `run.data[name]` has dimensions and times, too, as has the xarray
+        Dataset of several names.
 
         Raises
         ------
@@ -179,14 +196,16 @@ class Run:
         return np.asarray(self.results.values(series))
 
     def to_dataframe(self) -> DataFrame:
-        """Return all series as a table, with the columns of the parquet file.
+        """Return all series as a table over `time [s]`.
 
-        These are `time [s]` and, for each element, `component.variable[i] [unit]`. The
-        last state has no row where means over steps are recorded.
+        It has the columns of the parquet file: for each element `component.variable[i]
+        [unit]`. Means over steps stand at the step's beginning, so the last row has
+        none.
         """
         from .table import table_of
 
-        return table_of(self.results)[0].to_pandas()
+        table, _ = table_of(self.results, with_last=True)
+        return table.to_pandas().set_index("time [s]")
 
     def write_report(self, folder: str | PathLike[str] | None = None) -> Path:
         """Write report.html and return its path.

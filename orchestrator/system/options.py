@@ -239,7 +239,7 @@ class Options:
             if name == "stop" and isinstance(value, str) and orbits(value):
                 continue
             if value is not None and (
-                not isinstance(value, Real) or isinstance(value, bool)
+                not isinstance(value, int | float) or isinstance(value, bool)
             ):
                 raise DesatError(f"{name} = {value!r}: a time in s is needed")
         is_integer = isinstance(self.substeps, int) and not isinstance(

@@ -6,13 +6,48 @@ mappings of a component's values. None of these packages is imported for it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping
+from functools import wraps
+from numbers import Integral, Real
+from typing import Any, ParamSpec, TypeVar
 
 from .errors import DesatError
 
+P = ParamSpec("P")
+R = TypeVar("R")
+
 # Labels that a Series of n elements may have besides 0 to n - 1 and 1 to n.
 LETTERS = {3: ("x", "y", "z"), 4: ("x", "y", "z", "w")}
+
+
+def plain_argument(value: Any) -> Any:
+    """Return a number or date of another library as one of Python.
+
+    Any other value, as a duration of numpy, is returned as it is.
+    """
+    kind = type(value).__name__
+    if kind == "datetime64":
+        return value.astype("datetime64[us]").item()
+    # a duration counts as a whole number, without its unit
+    if kind == "timedelta64" or isinstance(value, bool):
+        return value
+    if isinstance(value, Integral):
+        return int(value)
+    if isinstance(value, Real):
+        return float(value)
+    return value.item() if getattr(value, "ndim", None) == 0 else value
+
+
+def with_plain_arguments(function: Callable[P, R]) -> Callable[P, R]:
+    """Return a function that takes numbers and dates of any library."""
+
+    @wraps(function)
+    def call(*arguments: P.args, **options: P.kwargs) -> R:
+        """Call the function with Python's own numbers and dates."""
+        plain = {name: plain_argument(value) for name, value in options.items()}
+        return function(*map(plain_argument, arguments), **plain)
+
+    return call
 
 
 def plain_values(sets: Mapping[str, Any]) -> dict[str, Any]:

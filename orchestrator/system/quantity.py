@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from math import inf, isfinite
 
 from .errors import DesatError
+from .program_values import plain_argument
 
 _NUMBER = re.compile(
     r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z%/.0-9]*)\s*"
@@ -54,6 +55,7 @@ class Quantity:
         DesatError
             If it is no such quantity or out of range.
         """
+        value = plain_argument(value)
         if isinstance(value, (int, float)):
             return self._within(float(value), f"{value:g}")
         return self._within(self._read(value, value), value)

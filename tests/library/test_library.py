@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import datetime
 import doctest
+import json
 import math
+import pickle
 import re
 import shlex
+from fractions import Fraction
 from importlib.metadata import version
 
 import numpy as np
@@ -338,10 +342,17 @@ def test_a_run_gives_its_series_in_every_form(tmp_path) -> None:
         run["wheels.h_weel"]
     frame = run.to_dataframe()
     (path,) = library.export(run, "parquet", tmp_path / "b")
-    assert list(frame.columns) == pd.read_parquet(path).columns.tolist()
+    names = [frame.index.name, *frame.columns]
+    assert names == pd.read_parquet(path).columns.tolist()
     assert np.array_equal(
-        frame["wheels.h_wheel[2] [N.m.s]"], run["wheels.h_wheel"][:60, 1]
+        frame["wheels.h_wheel[2] [N.m.s]"], run["wheels.h_wheel"][:, 1]
     )
+    means = frame["torquers.m_mean_body[3] [A.m2]"]
+    assert np.array_equal(means[:-1], run["torquers.m_mean_body"][:, 2])
+    assert np.isnan(means.iloc[-1])
+    assert len(run) == len([*run.values()]) == len(dict(run.items())) == len([*run])
+    for duplicate in (pickle.loads(pickle.dumps(run)), copy.deepcopy(run)):
+        assert duplicate.to_xarray().equals(pickle.loads(pickle.dumps(run.data)))
     assert library.export(tmp_path / "a", "csv") == [tmp_path / "a" / "series.csv"]
     assert run.write_report() == tmp_path / "a" / "report.html"
     run.data.to_netcdf(tmp_path / "a.nc")
@@ -352,6 +363,60 @@ def test_a_run_gives_its_series_in_every_form(tmp_path) -> None:
     assert isinstance(stored_run, library.Run)
     assert stored_run["wheels.h_wheel"].tolist() == run["wheels.h_wheel"].tolist()
     assert stored_run.numbers.equals(run.numbers)
+
+
+@pytest.mark.parametrize(
+    "stop",
+    [
+        *(np.int64(60), np.int32(60), np.uint8(60), np.float32(60.0), np.array(60.0)),
+        *(Fraction(60), pd.Series([60])[0], xr.DataArray(60)),
+        *("1min", "60 s", np.timedelta64(1, "m")),
+    ],
+    ids=repr,
+)
+def test_a_time_is_that_of_any_library(stop) -> None:
+    """None is ignored, and one without its unit is none."""
+    run = library.run(DAY, stop=stop, step=np.float32(0.5), every=np.int64(2))
+    assert run["time"].tolist() == [*map(float, range(61))]
+    assert run.manifest.step == 0.5
+    if not isinstance(stop, str):  # what `run` makes plain is refused elsewhere
+        with pytest.raises(DesatError, match="a time in s is needed"):
+            Options(stop=stop)  # type: ignore[arg-type]
+
+
+def test_numbers_and_dates_of_any_library_are_taken(tmp_path) -> None:
+    swept = library.sweep(
+        "integrated/mil-nadir",
+        {"manager.gain": np.array([1e-3])},
+        stop=np.int64(10),
+        samples=np.int64(2),
+        seed=np.int64(3),
+    )
+    assert json.dumps(swept.to_json())
+    craft = library.new(
+        tmp_path / "c",
+        size="12U",
+        altitude=np.float32(4e5),
+        epoch=np.datetime64("2027-03-20T12:00"),
+    )
+    assert "2027-03-20" in (craft / "craft.toml").read_text()
+    runs = [library.run(str(craft), stop=np.float32(t)) for t in (10.0, 20.0)]
+    assert library.compare(runs).numbers.equals(library.compare(*runs).numbers)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"stop": "soon"}, "stop soon: a number is needed"),
+        ({"stop": "60 m"}, "stop 60 m: "),
+        ({"step": "2 orbits"}, "step 2 orbits: "),
+        ({"stop": [60.0]}, r"stop = \[60.0\]: a time in s is needed"),
+        ({"parameters": {}}, r"parameters: no option.*sets=\{'component.variable'"),
+    ],
+)
+def test_a_call_that_is_wrong_says_what_is_taken(options, message) -> None:
+    with pytest.raises(DesatError, match=message):
+        library.run(DAY, **options)
 
 
 def test_a_run_in_memory_needs_a_folder_for_files(tmp_path) -> None:

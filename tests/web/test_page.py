@@ -1340,23 +1340,31 @@ def test_flights_are_kept_beside_one_another(browser, page_to_save):
 
 CSV_HEAD = "# telemetry\ntime [min],flight [N m s],error [deg],heat [K]\n"
 CSV_ROWS = "0,0.001,1,300\n10,,2,300\n20,0.003,3,300\n"
+# the same flight in other words
+CSV_OTHERS = (
+    '\ufeffTime [h];"flight" [uN.m.s]\n0;1000\n0.1;nan\n0.3333333333333333;3000\n',
+    't [s]\t"flight [mN·m·s]"\n0\t1\n1200\t3',
+)
 
 
 @needs_zig
-def test_a_csv_of_ones_own_lies_over_the_curves(browser, page_to_save, tmp_path):
+@pytest.mark.parametrize("content", [CSV_HEAD + CSV_ROWS, *CSV_OTHERS])
+def test_a_csv_of_ones_own_lies_over_the_curves(
+    browser, page_to_save, tmp_path, content
+):
     """In the charts' units, at its own times; what fits none is said."""
     at = Tab(browser, page_to_save.path)
     file = tmp_path / "own.csv"
-    file.write_text(CSV_HEAD + CSV_ROWS)
+    file.write_text(content, encoding="utf-8")
     at.tab.set_input_files("#own", file)
     wait_until(at.tab, "document.querySelector('#kept li')")
     text = at.text("kept")
     assert 'flight in "Momentum of the fullest wheel' in text
-    assert "heat [K] in none, whose units are [mNms]" in text
+    assert ("heat [K] in none, whose units are [mNms]" in text) == ("heat" in content)
     head, *rows = save_csv(at.tab)
     column = head.index("flight, own.csv [mN m s]")
     drawn_values = {float(row[0]): row[column] for row in rows if row[column]}
-    assert drawn_values == {0.0: "1", 1200.0: "3"}
+    assert {t: float(x) for t, x in drawn_values.items()} == {0.0: 1.0, 1200.0: 3.0}
     assert at.errors == []
     at.tab.close()
 

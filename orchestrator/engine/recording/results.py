@@ -223,6 +223,12 @@ class Results:
         name = getattr(self._file, "filename", None)
         return Path(name).parent if name else None
 
+    def __reduce__(self) -> Any:
+        """Pickle and copy series of a file as its folder, which is opened again."""
+        if self.folder is None:
+            return object.__reduce_ex__(self, 2)
+        return Results.open, (self.folder, self._rows)
+
     def once(self, key: str, make: Callable[[], T]) -> T:
         """Compute a result of these series once, at the first request, and keep it."""
         if key not in self._computed:

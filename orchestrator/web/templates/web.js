@@ -604,13 +604,13 @@
   // --- a table of the reader's ---------------------------------------------------------------------
 
   const SECONDS = { s: 1, min: 60, h: 3600, d: 86400 };
-  const PREFIXES = { n: 1e-9, u: 1e-6, "µ": 1e-6, m: 1e-3, k: 1e3 };
+  const PREFIXES = Object.entries({ "": 1, n: 1e-9, u: 1e-6, "µ": 1e-6, m: 1e-3, k: 1e3 });
   const unitIn = (label) => unitOf(label).replace(/[\s.·*]/g, "");
   function between(from, to) { // the factor from one unit to another that differs by its prefix; else null
-    if (from === to) return 1;
-    for (const [prefix, factor] of Object.entries(PREFIXES)) {
-      if (from === prefix + to) return factor;
-      if (to === prefix + from) return 1 / factor;
+    for (const [prefix, factor] of PREFIXES) {
+      if (!from.startsWith(prefix)) continue;
+      const other = PREFIXES.find(([p]) => to === p + from.slice(prefix.length));
+      if (other) return factor / other[1];
     }
     return null;
   }
