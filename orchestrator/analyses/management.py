@@ -657,10 +657,20 @@ def _momenta(
         yield rows, h, wheel_momentum, unmanaged(q, impulse, managed, body, start)
 
 
+def _required_shares(manifest: Manifest, parts: ManagementParts) -> Iterator[float]:
+    """Yield the shares (1) of a wheel's capacity that requirements allow."""
+    for verdict in manifest.verdicts.values():
+        number = manifest.content.numbers.get(verdict.number)
+        if verdict.max is None or number is None or number.percent_of is None:
+            continue
+        if tuple(number.signals) == (f"{parts.wheels}.h_wheel",):
+            yield verdict.max / 100.0
+
+
 def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
     """Draw the momentum of the fullest wheel over time, with management and without.
 
-    The figure also shows the capacity of a wheel.
+    The figure also shows the capacity of a wheel, and the share of it that is required.
     """
     parts: ManagementParts = manifest.parts[KEY]
     if parts.brakes and not parts.holds:
@@ -669,7 +679,7 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
     if momentum_balance is None or not existing(_wheels_of(manifest, parts)).any():
         return []
     from ..figures.plots import timeline  # slow import, needed for a report only
-    from ..figures.style import COLOURS, DOTTED, LIMIT, figure, time_axis
+    from ..figures.style import COLOURS, DASHED, DOTTED, LIMIT, figure, time_axis
     from ..numbers.text import spell_unit
 
     times, rows = momentum_balance.drawn_times, momentum_balance.rows
@@ -697,6 +707,10 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
         text = f"{factor * capacity:.4g}  capacity of a wheel"
         if factor * capacity < 10.0 * most:
             ax.level(factor * capacity, LIMIT, width=0.9, dash=DOTTED, label=text)
+            for share in _required_shares(manifest, parts):
+                level = factor * share * capacity
+                text = f"{level:.4g}  required: {100.0 * share:g} %"
+                ax.level(level, LIMIT, width=0.9, dash=DASHED, label=text)
         else:
             ax.plot(
                 [np.nan],

@@ -242,6 +242,7 @@ def _plot(
                 "high": _finite(m.y.max()),
                 "filled": m.filled,
                 "alpha": m.alpha,
+                "dash": m.dash,
             }
             for m in ax.marks
             if _is_across(m)

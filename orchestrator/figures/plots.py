@@ -20,6 +20,7 @@ from .style import (
     BANDS,
     BINS,
     COLOURS,
+    DASHED,
     DASHES,
     DOTTED,
     HEIGHT,
@@ -58,7 +59,7 @@ def series_figure(
 ) -> Figure | None:
     """Draw a scenario's `[plots.NAME]` over runs; None if nothing is recorded.
 
-    `bounds` are further limits, names and values in the plot's unit.
+    `bounds` are what is required, names and values in the plot's unit: dashed lines.
 
     Of two runs the first is drawn in colours and the other dashed; of more, each run
     has a colour and a dash, and one line: the largest size of its elements.
@@ -71,7 +72,6 @@ def series_figure(
     if is_largest:
         lines_of_runs = [_largest(lines) for lines in lines_of_runs]
     limits = limits_of(plot.limits, parameters, unit)
-    limits += [(name, value, False) for name, value in bounds]
     # limits of a magnitude apply on the positive side only
     signed = any(
         np.nanmin(x.values, initial=0.0) < 0.0 for lines in lines_of_runs for x in lines
@@ -95,6 +95,8 @@ def series_figure(
         )
         ax.y.log = plot.log and is_whole_run
         _draw_limits(ax, limits, signed, is_whole_run)
+        further = [(name, value, False) for name, value in bounds]
+        _draw_limits(ax, further, signed, is_whole_run, DASHED)
         title = plot.axis or f"{plot.title[:1].lower()}{plot.title[1:]}"
         quantity = f"largest {title}" if is_largest else plot.axis
         ax.y.label = axis_label(quantity or plot.title, unit, ax.height / INCH)
@@ -249,7 +251,11 @@ def _draw(
 
 
 def _draw_limits(
-    ax: Axes, limits: list[tuple[str, float, bool]], signed: bool, always: bool = True
+    ax: Axes,
+    limits: list[tuple[str, float, bool]],
+    signed: bool,
+    always: bool = True,
+    dash: tuple[float, float] = DOTTED,
 ) -> None:
     """Draw limit lines and bands (name, value, filled).
 
@@ -273,13 +279,13 @@ def _draw_limits(
                 [np.nan],
                 LIMIT,
                 width=0.9,
-                dash=DOTTED,
+                dash=dash,
                 label=f"{text}: far beyond",
             )
             continue
-        ax.level(value, LIMIT, width=0.9, dash=DOTTED, label=text)
+        ax.level(value, LIMIT, width=0.9, dash=dash, label=text)
         if signed:
-            ax.level(-value, LIMIT, width=0.9, dash=DOTTED)
+            ax.level(-value, LIMIT, width=0.9, dash=dash)
 
 
 def keep_derived_lines(

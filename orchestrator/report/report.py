@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -13,22 +13,26 @@ from typing import Any, NamedTuple
 import numpy as np
 from markupsafe import Markup
 
+from desat.components.contract.units import conversion
+
 from ..analyses import analyses, management
 from ..analyses.manifest import Manifest
 from ..engine.recording.results import Results
 from ..figures import craft, interactive
 from ..figures.canvas import Figure
-from ..figures.plots import series_figure
+from ..figures.plots import Line, lines_of, series_figure, unit_of
 from ..files.io import replace_text
 from ..files.scenario import abbreviations
-from ..language.scenario import Plot
+from ..language.scenario import Number, Plot
 from ..numbers.limits import limits_of
+from ..numbers.numbers import scale
 from ..numbers.text import number, spell_unit
-from ..numbers.verdicts import describe_verdicts
+from ..numbers.verdicts import Verdict, describe_verdicts
 from ..runs import drawings
 from ..runs.run import Run
 from ..runs.validation import describe_kept
 from ..system import discovery
+from ..system.parameters import unit_of as unit_named
 from . import scene
 from .cases import find_cases
 from .policy import PLACEHOLDER, PageScripts, part
@@ -96,7 +100,7 @@ def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
     lead = max(1, len(figures) + bool(manifest.verdicts))
     plot_figures = [
         (plot.title, figure)
-        for plot in _deciding_first(plots, manifest)
+        for plot in _deciding_first(plots, run)
         if (figure := series_figure(plot, runs, _bounds(plot, manifest)))
     ]
     # what is not met stands first
@@ -174,14 +178,67 @@ def _files(folder: Path) -> dict[str, str]:
     return {name: text for name, text in titles.items() if (folder / name).exists()}
 
 
-def _deciding_first(plots: Mapping[str, Plot], manifest: Manifest) -> list[Plot]:
-    """Order the plots so that the one of the tightest requirement comes first.
+def _deciding_first(plots: Mapping[str, Plot], flight: Run) -> list[Plot]:
+    """Order the plots so that the one of the deciding requirement comes first.
+
+    Where requirements are not met, it is the plot that is the first to pass what one
+    allows: what gives later may only follow from it. Else it is that of the tightest.
+    """
+    if not flight.manifest.verdicts:
+        return [*plots.values()]
+    times = {name: _first_beyond(plot, flight) for name, plot in plots.items()}
+    names = {x for k, v in flight.manifest.verdicts.items() for x in (k, v.number)}
+    first = min(times, key=lambda name: (times[name], name not in names), default="")
+    if math.isinf(times.get(first, math.inf)):
+        first = _tightest(plots, flight.manifest)
+    return [plots[name] for name in sorted(plots, key=lambda name: name != first)]
+
+
+def _first_beyond(plot: Plot, flight: Run) -> float:
+    """Return the time (s) at which a plot passes what an unmet requirement allows.
+
+    It is infinite where the plot passes nothing.
+    """
+    unmet = [x for x in _requirements(plot, flight.manifest) if not x[0].met]
+    unit = unit_of(plot, flight.results)
+    if not unmet or unit is None:
+        return math.inf
+    numbers = flight.manifest.content.numbers
+    times = [
+        line.times[_beyond(line, limit, numbers[verdict.number])]
+        for line in lines_of(plot, flight.results, unit)
+        for verdict, _, limit in unmet
+    ]
+    return min((float(t[0]) for t in times if len(t)), default=math.inf)
+
+
+def _beyond(line: Line, limit: float, number: Number) -> Any:
+    """Return where a line has passed the limit of a number.
+
+    That of an rms, a mean or a level, which part of the time is below, is passed once
+    what there was so far is too much for all of the number's window.
+    """
+    begin, end = number.window or (-math.inf, math.inf)
+    span = np.diff(line.times, append=line.times[-1:])
+    span = span * ((begin <= line.times) & (line.times <= end))
+    sizes, duration = np.abs(line.values), span.sum()
+    if "rms" in number.measure:
+        return np.cumsum(sizes**2 * span) > limit**2 * duration
+    if "mean" in number.measure:
+        return np.cumsum(sizes * span) > limit * duration
+    level = number.options.get("level", 95.0)
+    if "level" in number.measure and isinstance(level, int | float):
+        share = 1.0 - level / 100.0
+        return np.cumsum((sizes > limit) * span) > share * duration
+    return (sizes > limit) & (span > 0.0)
+
+
+def _tightest(plots: Mapping[str, Plot], manifest: Manifest) -> str:
+    """Return the name of the plot of the tightest requirement.
 
     It is the plot with most of the series of the requirement that is nearest to its
     limit, or furthest beyond; of several the one with its name.
     """
-    if not manifest.verdicts:
-        return [*plots.values()]
     tightest, verdict = min(
         manifest.verdicts.items(),
         key=lambda e: (e[1].met, math.inf if e[1].margin is None else e[1].margin),
@@ -199,27 +256,39 @@ def _deciding_first(plots: Mapping[str, Plot], manifest: Manifest) -> list[Plot]
             verdict.number,
         )
 
-    deciding = max(plots, key=weight, default="")
-    return [plots[name] for name in sorted(plots, key=lambda name: name != deciding)]
+    return max(plots, key=weight, default="")
 
 
 def _bounds(plot: Plot, manifest: Manifest) -> list[tuple[str, float]]:
-    """Return the largest values that requirements allow of what a plot shows.
+    """Return the largest values that requirements allow of what a plot shows."""
+    return [(name, value) for _, name, value in _requirements(plot, manifest)]
 
-    A share is one of the plot's limit, where it has one limit.
+
+def _requirements(
+    plot: Plot, manifest: Manifest
+) -> Iterator[tuple[Verdict, str, float]]:
+    """Yield the requirements of what a plot shows, with name and largest value.
+
+    A share is one of the plot's limit: of the one that the number is a share of, or of
+    its only one.
     """
-    numbers, bounds = manifest.content.numbers, []
+    numbers = manifest.content.numbers
     for v in manifest.verdicts.values():
         number = numbers.get(v.number)
         if v.max is None or number is None or set(number.signals) != set(plot.signals):
             continue
-        if v.unit == plot.unit:
-            bounds.append((f"required: {number.title}", v.max))
-        elif v.unit == "%":
-            limits = limits_of(plot.limits, manifest.parameters, plot.unit)
+        if v.unit != "%":
+            units = unit_named(v.unit or "1"), unit_named(plot.unit or "1")
+            if conversion(*units) is not None:
+                limit = v.max * scale(v.unit, plot.unit)
+                yield v, f"required: {number.title}", limit
+        else:
+            full_scale = [x for x in plot.limits if x.value == number.percent_of]
+            limits = limits_of(
+                full_scale or plot.limits, manifest.parameters, plot.unit
+            )
             if len(limits) == 1:
-                bounds.append((f"required: {v.max:g} %", v.max / 100.0 * limits[0][1]))
-    return bounds
+                yield v, f"required: {v.max:g} %", v.max / 100.0 * limits[0][1]
 
 
 def figures_of(drawn: Sequence[tuple[str, Figure]]) -> dict[str, Any]:

@@ -96,7 +96,6 @@
     ctx.beginPath();
     ctx.rect(left, top, width, height);
     ctx.clip();
-    const named = []; // where limits have their names
     for (const level of plot.across) {
       if (level.low === null) continue; // far beyond: named alone
       const low = u.valToPos(level.low, "y", true);
@@ -110,12 +109,11 @@
       ctx.globalAlpha = 1;
       ctx.strokeStyle = colour(level.colour);
       ctx.lineWidth = 1.2 * ratio;
-      ctx.setLineDash([2 * ratio, 3 * ratio]);
+      ctx.setLineDash(level.dash.map((d) => 1.7 * d * ratio));
       ctx.beginPath();
       ctx.moveTo(left, low);
       ctx.lineTo(left + width, low);
       ctx.stroke();
-      nameLevel(ctx, level.label, colour(level.colour), left + width, low, top, named);
     }
     for (const line of plot.upright) {
       const x = u.valToPos(line.at, "x", true);
@@ -130,6 +128,15 @@
     ctx.restore();
   }
 
+  function nameLevels(u, plot) { // over the lines
+    const { left, top, width } = u.bbox;
+    const named = [];
+    for (const level of plot.across.filter(({ low, filled }) => low !== null && !filled)) {
+      const y = u.valToPos(level.low, "y", true);
+      nameLevel(u.ctx, level.label, colour(level.colour), left + width, y, top, named);
+    }
+  }
+
   const rows = (plot) => plot.strips.reduce((most, s) => Math.max(most, s.row + 1), 0);
 
   function key(plot, into) { // what limits and strips are; of strips, what holds under the pointer
@@ -142,7 +149,7 @@
       spot.style.background = entry.spans || entry.filled ? entry.colour : "none";
       if (!entry.spans) spot.style.opacity = entry.filled ? 0.5 : 1;
       const side = "at" in entry ? "borderLeft" : "borderTop";
-      if (!entry.spans && !entry.filled) spot.style[side] = `2px dotted ${colour(entry.colour)}`;
+      if (!entry.spans && !entry.filled) spot.style[side] = `2px ${entry.dash?.[0] > 4 ? "dashed" : "dotted"} ${colour(entry.colour)}`;
       item.append(spot, entry.label);
       list.append(item);
       return item;
@@ -222,6 +229,7 @@
       },
       hooks: {
         drawClear: [(u) => under(u, plot)],
+        draw: [(u) => nameLevels(u, plot)],
         setScale: [(u, name) => name === "x" && u.status === 1 && link(u)],
         setCursor: [(u) => {
           const t = u.cursor.left >= 0 ? u.posToVal(u.cursor.left, "x") : null;

@@ -251,6 +251,33 @@ def test_verdicts_and_the_plot_that_matters_come_first(page):
     assert captions.count(title) == 1
 
 
+@pytest.mark.parametrize(
+    ("wheels", "pointing", "first"),
+    [
+        (0.5, 0.99, "Wheel momentum"),
+        (2.0, 0.99, "Pointing error"),
+        (0.999, 2.0, "Wheel momentum"),
+    ],
+)
+def test_what_gives_first_stands_first(page, tmp_path, wheels, pointing, first):
+    """Where requirements are not met: the plot that was the first to lose one. Limits
+    are shares of what the run has; an rms is lost once the sum is too much for all."""
+    numbers = load_run(page.parent).numbers["value"]
+    requirements = (
+        f"max = {pointing * numbers['pointing']}\n[requirements.wheels]\n"
+        f'number = "largest"\nmax = {wheels * numbers["largest"]}\n'
+    )
+    before, _, after = MINE.partition("max = 179.0\n")
+    after = after.partition("max = 1.0\n")[2]
+    (tmp_path / "mine.toml").write_text(before + requirements + after)
+    flight = execute(str(tmp_path / "mine.toml"), Options())
+    text = flight.write_report(tmp_path / "page").read_text()
+    captions = [
+        f.findtext("figcaption").strip() for f in html.fromstring(text).iter("figure")
+    ]
+    assert captions[0] == first
+
+
 def test_the_page_stands_alone_and_nobodys_names_end_its_script(page):
     text = page.read_text()
     answer = html.fromstring(text)
