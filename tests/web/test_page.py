@@ -1342,7 +1342,7 @@ CSV_HEAD = "# telemetry\ntime [min],flight [N m s],error [deg],heat [K]\n"
 CSV_ROWS = "0,0.001,1,300\n10,,2,300\n20,0.003,3,300\n"
 # the same flight in other words
 CSV_OTHERS = (
-    '\ufeffTime [h];"flight" [uN.m.s]\n0;1000\n0.1;nan\n0.3333333333333333;3000\n',
+    '\ufeffTime [h];"flight [uN.m.s]"\n0;1000\n0.1;nan\n0.3333333333333333;3000\n',
     't [s]\t"flight [mN·m·s]"\n0\t1\n1200\t3',
 )
 
