@@ -847,7 +847,7 @@ def sweep(
 def cases(
     target: str | PathLike[str],
     count: int,
-    folder: str | PathLike[str],
+    folder: str | PathLike[str] | None = None,
     sets: Mapping[str, Any] | None = None,
     *,
     seed: int = 1,
@@ -874,7 +874,8 @@ def cases(
     count
         Number of cases.
     folder
-        Folder of the campaign; cases that it has are not run again.
+        Folder of the campaign, whose cases are not run again; None: that of the
+        command, runs/campaign-NAME.
     seed, sampling
         Seed and method of sampling.
     keep
@@ -901,6 +902,7 @@ def cases(
     from pathlib import Path
 
     from .campaign import coordinator, report
+    from .cli.console import name_of
     from .runs.program import options_of
     from .runs.progress import in_notebook
 
@@ -915,6 +917,7 @@ def cases(
         keep=keep,
         limit=limit,
     )
-    coordinator.run(plan, Path(folder), jobs, cluster, in_notebook(), accept_versions)
-    report.write(Path(folder))
-    return load(folder)  # type: ignore[return-value]  # a campaign's
+    path = Path(folder or Path("runs") / f"campaign-{name_of(str(target))}")
+    coordinator.run(plan, path, jobs, cluster, in_notebook(), accept_versions)
+    report.write(path)
+    return load(path)  # type: ignore[return-value]  # a campaign's

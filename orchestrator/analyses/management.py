@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from desat.components.contract.block import BlockError
 from desat.components.contract.roles import Manager
 
-from ..language.content import content_of
+from ..language.content import Content, content_of
 from ..numbers.derived import (
     blocks,
     by_rows,
@@ -657,14 +657,14 @@ def _momenta(
         yield rows, h, wheel_momentum, unmanaged(q, impulse, managed, body, start)
 
 
-def _required_shares(manifest: Manifest, parts: ManagementParts) -> Iterator[float]:
+def required_shares(content: Content, wheels: str | None) -> Iterator[float]:
     """Yield the shares (1) of a wheel's capacity that requirements allow."""
-    for verdict in manifest.verdicts.values():
-        number = manifest.content.numbers.get(verdict.number)
-        if verdict.max is None or number is None or number.percent_of is None:
+    for requirement in content.requirements.values():
+        number = content.numbers.get(requirement.number)
+        if requirement.max is None or number is None or number.percent_of is None:
             continue
-        if tuple(number.signals) == (f"{parts.wheels}.h_wheel",):
-            yield verdict.max / 100.0
+        if tuple(number.signals) == (f"{wheels}.h_wheel",):
+            yield requirement.max / 100.0
 
 
 def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
@@ -707,7 +707,7 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
         text = f"{factor * capacity:.4g}  capacity of a wheel"
         if factor * capacity < 10.0 * most:
             ax.level(factor * capacity, LIMIT, width=0.9, dash=DOTTED, label=text)
-            for share in _required_shares(manifest, parts):
+            for share in required_shares(manifest.content, parts.wheels):
                 level = factor * share * capacity
                 text = f"{level:.4g}  required: {100.0 * share:g} %"
                 ax.level(level, LIMIT, width=0.9, dash=DASHED, label=text)

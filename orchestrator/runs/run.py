@@ -159,6 +159,10 @@ class Run:
         """Return the number of series."""
         return len(self.results.names())
 
+    def __bool__(self) -> bool:
+        """Return True, also for a run without series."""
+        return True
+
     def __iter__(self) -> Iterator[str]:
         """Iterate over the names of the series."""
         return iter(self.results.names())

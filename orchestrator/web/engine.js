@@ -87,8 +87,11 @@ function stated(law, moved) {
 const capacityOf = ({ of }, table) => Math.min(...table[of.rotors].filter((x) => x > 0)) * table[of.limit];
 
 // The limits of the fullest wheel, and of a plot.
-const limitsOfFullest = ({ managed, dumps }, table) => [capacityOf(managed, table),
-  ...(dumps?.of_wheels ? [table[dumps.begin], table[dumps.end]] : [])].map((x) => x * managed.scale);
+function limitsOfFullest({ managed, dumps }, table) {
+  const capacity = capacityOf(managed, table);
+  const thresholds = dumps?.of_wheels ? [table[dumps.begin], table[dumps.end]] : [];
+  return [capacity, ...thresholds, ...managed.shares.map((share) => share * capacity)].map((x) => x * managed.scale);
+}
 const limitsOf = (plot, table) => plot.limits.map((l) => evaluated(l.value, table));
 
 // Of each limit of the charts the slider that moves it, and how far by one of its shown unit; null

@@ -868,6 +868,7 @@ def _managed(law: _LawSystem) -> JsonObject | None:
         "target": list(parts.target),
         "inverse": np.linalg.pinv(axes[:, there]).tolist(),
         "of": names,
+        "shares": [*management.required_shares(law.content, wheels)],
         "coils": _coils(system, torquers) if torquers else None,
         "values": [*names.values(), *([f"{torquers}.m_limit"] if torquers else [])],
         "label": f"fullest wheel [{spell_unit(unit)}]",

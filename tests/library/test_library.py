@@ -428,7 +428,7 @@ def test_a_run_in_memory_needs_a_folder_for_files(tmp_path) -> None:
     assert library.export(run, "mat", tmp_path / "x")[0].is_file()
 
 
-def test_what_commands_do_programs_do(tmp_path) -> None:
+def test_what_commands_do_programs_do(tmp_path, monkeypatch) -> None:
     assert library.__version__ == version("desat")
     assert library.check(DAY).problems == []
     slow = library.check(DAY, {"magnetometer.sample_time": 1.5})
@@ -442,8 +442,10 @@ def test_what_commands_do_programs_do(tmp_path) -> None:
     swept = library.sweep(DAY, {"manager.gain": np.array([1e-3, 2e-3])}, stop=60.0)
     assert swept.numbers.shape[0] == 2
     assert swept.numbers["pointing"].notna().all()
-    cases = library.campaign(DAY, 2, tmp_path / "c", stop=20.0)
+    monkeypatch.chdir(tmp_path)
+    cases = library.campaign(DAY, 2, stop=20.0)
     assert cases.sizes["case"] == 2
+    assert (tmp_path / "runs/campaign-nadir_day-day-dipole/report.html").is_file()
     library.run(DAY, stop=2.0, folder=tmp_path / "d")
     with pytest.raises(DesatError, match="curves: it is no campaign"):
         library.load(tmp_path / "d", curves=True)

@@ -1402,10 +1402,11 @@ def test_a_threshold_is_dragged_in_its_chart(browser, geo, tmp_path):
     laws = {"threshold": Options(stop=10.0 * 86400.0)}
     answer = page.export(str(geo), laws, [], tmp_path / "page.html")
     at = Tab(browser, answer.path)
-    capacity, begin, end = at.tab.evaluate("desat.shown.plots[0].limits")
-    assert (begin, end) == (35.0, 5.0)
+    limits = at.tab.evaluate("desat.shown.plots[0].limits")
+    capacity, begin, end, required = limits
+    assert (begin, end, required) == (35.0, 5.0, pytest.approx(0.8 * capacity))
     grips = at.tab.locator("figure").first.locator(".grip")
-    assert grips.count() == 2  # the capacity has no slider there
+    assert grips.count() == 2  # the capacity has no slider there, nor its share
     box = grips.first.bounding_box()
     height = at.tab.evaluate(
         f"desat.charts[0].valToPos(20, 'y') - desat.charts[0].valToPos({begin}, 'y')"

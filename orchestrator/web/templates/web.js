@@ -245,12 +245,14 @@
   // --- charts --------------------------------------------------------------------------------------
 
   const NONE = "without management (estimated)";
+  const REQUIRED = "required";
   const MODEL = "with management, by the model";
   const plotsOf = (l) => {
     const { managed, plots } = told.laws[l];
     const thresholds = told.laws[l].dumps?.of_wheels ? ["a dump begins", "a dump ends"] : [];
     const first = managed?.drawn && { title: "Momentum of the fullest wheel, with management and without",
-      label: managed.label, names: ["with management", NONE], limits: ["capacity", ...thresholds], log: false };
+      label: managed.label, names: ["with management", NONE], log: false,
+      limits: ["capacity", ...thresholds, ...managed.shares.map((share) => `${REQUIRED}: ${number(100 * share)} %`)] };
     return [...(first ? [first] : []), ...plots.map((p) => ({ ...p,
       names: p.norm ? p.signals : p.lines.flat().filter(Boolean), limits: p.limits.map((x) => x.name) }))];
   };
@@ -292,7 +294,8 @@
       if (isFar) return far.push(`${named}: far beyond`);
       for (const v of signed ? [value, -value] : [value]) {
         levels.push({ value: v, k, label: v === value ? named : "" });
-        series.push({ label: v === value ? label : "", times, y: lines[0].map(() => v), stroke: told.limit, width: 1.1, dash: [2, 3] });
+        series.push({ label: v === value ? label : "", times, y: lines[0].map(() => v), stroke: told.limit, width: 1.1,
+          dash: label.startsWith(REQUIRED) ? [7, 4] : [2, 3] });
       }
     });
     return { of, series, levels, far, isFar: beyond };
@@ -304,6 +307,7 @@
   function pull(i, k, level) {
     const { name, slope } = shown.handles[i][k];
     const slider = sliders().find((s) => s.name === name);
+    if (!slider || shown.law !== law) return; // another law, which has not flown yet
     const [from, limit] = [shown.moved[name] ?? slider.start, shown.plots[i].limits[k]];
     const value = grid(slider, from + (level - limit) / slope);
     pulled = { i, k, value: limit + (value - from) * slope };
@@ -315,8 +319,10 @@
   // What a limit is dragged by, where a slider moves it: by pointer, or by arrows.
   function grips(i) {
     const { plot } = charts[i];
+    const { limits } = plotsOf(shown.law)[i];
     charts[i].grips = shown.handles[i].map((handle, k) => {
-      const slider = handle && shown.law === law && sliders().find((s) => s.name === handle.name);
+      const isOwn = shown.law === law && !limits[k].startsWith(REQUIRED); // that follows what it is a share of
+      const slider = handle && isOwn && sliders().find((s) => s.name === handle.name);
       if (!slider) return null;
       const grip = make("span", { className: "grip", tabIndex: 0, textContent: "↕", title: `${slider.title}: drag it, or arrow keys` });
       for (const [key, value] of Object.entries({ role: "slider", "aria-label": slider.title, "aria-orientation": "vertical",
@@ -349,11 +355,11 @@
     charts[i].grips?.forEach((grip, k) => {
       if (!grip) return;
       const level = levels.find((l) => l.k === k);
-      grip.hidden = !level;
-      if (!level) return;
+      const slider = shown.law === law && sliders().find((s) => s.name === shown.handles[i][k].name);
+      grip.hidden = !level || !slider;
+      if (grip.hidden) return;
       grip.style.top = `${plot.valToPos(level.value, "y")}px`;
-      const { name } = shown.handles[i][k];
-      grip.setAttribute("aria-valuenow", at(sliders().find((s) => s.name === name)));
+      grip.setAttribute("aria-valuenow", at(slider));
     });
   }
 
