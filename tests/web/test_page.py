@@ -1403,8 +1403,8 @@ def test_a_threshold_is_dragged_in_its_chart(browser, geo, tmp_path):
     answer = page.export(str(geo), laws, [], tmp_path / "page.html")
     at = Tab(browser, answer.path)
     limits = at.tab.evaluate("desat.shown.plots[0].limits")
-    capacity, begin, end, required = limits
-    assert (begin, end, required) == (35.0, 5.0, pytest.approx(0.8 * capacity))
+    capacity, begin, end, most = limits
+    assert (begin, end, most) == (35.0, 5.0, pytest.approx(0.8 * capacity))
     grips = at.tab.locator("figure").first.locator(".grip")
     assert grips.count() == 2  # the capacity has no slider there, nor its share
     box = grips.first.bounding_box()
