@@ -318,15 +318,18 @@ def desat(monkeypatch) -> Command:
     return run
 
 
-def slow_after(count: int, values: Iterable[Any]) -> list[Any]:
-    """Return values of a test of which all but the first few are slow."""
-    return [value if k < count else slow_value(value) for k, value in enumerate(values)]
+def slow_after(count: int, values: Iterable[Any], mark: str = "slow") -> list[Any]:
+    """Return values of a test of which all but the first few are slow, or studies."""
+    return [
+        value if k < count else slow_value(value, mark)
+        for k, value in enumerate(values)
+    ]
 
 
-def slow_value(value: Any) -> Any:
-    """Return a value, or a tuple of several, with which a test is slow."""
+def slow_value(value: Any, mark: str = "slow") -> Any:
+    """Return a value, or a tuple of several, with which a test is slow, or a study."""
     values = value if isinstance(value, tuple) else (value,)
-    return pytest.param(*values, marks=pytest.mark.slow)
+    return pytest.param(*values, marks=getattr(pytest.mark, mark))
 
 
 def one_of_each_craft() -> list[str]:

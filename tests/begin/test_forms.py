@@ -108,7 +108,8 @@ def test_a_wheel_that_is_known_to_have_failed_gets_no_command(tmp_path, wheels):
 
 
 @pytest.mark.parametrize(
-    "wheels", slow_after(1, ["6 pyramid 15mNms", "4 pyramid 15mNms", "5 axes 15mNms"])
+    "wheels",
+    slow_after(1, ["6 pyramid 15mNms", "4 pyramid 15mNms", "5 axes 15mNms"], "study"),
 )
 def test_dumps_beside_a_bias_are_sized_as_they_fly(tmp_path, wheels):
     facts = replace(
@@ -209,11 +210,15 @@ def test_couples_leave_no_force():
 
 @pytest.mark.parametrize(
     ("thrusters", "wheels"),
-    [
-        ("8 1N", "5 pyramid 12Nms"),
-        ("12 1N", "4 pyramid 12Nms"),
-        ("FILE", "6 axes 12Nms"),
-    ],
+    slow_after(
+        1,
+        [
+            ("8 1N", "5 pyramid 12Nms"),
+            ("12 1N", "4 pyramid 12Nms"),
+            ("FILE", "6 axes 12Nms"),
+        ],
+        "study",
+    ),
 )
 def test_dumps_by_nozzles_are_sized_as_they_fly(tmp_path, thrusters, wheels):
     (tmp_path / "layout.csv").write_text(LAYOUT)
@@ -304,7 +309,12 @@ def test_a_craft_follows_where_it_points(tmp_path, pointing):
 
 
 @pytest.mark.parametrize(
-    "place", [{"orbit": "mars 250x400km", "pointing": "nadir 16deg"}, {"sun": "L2"}]
+    "place",
+    slow_after(
+        1,
+        [{"orbit": "mars 250x400km", "pointing": "nadir 16deg"}, {"sun": "L2"}],
+        "study",
+    ),
 )
 def test_elsewhere_is_sized_as_it_flies(tmp_path, place):
     write(tmp_path / "mine", replace(FAR, **place), "")

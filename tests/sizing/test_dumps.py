@@ -35,6 +35,7 @@ from desat.sizing.dumps import size as size_dumps
 from desat.sizing.requirements import SizingRequirements
 from desat.system.errors import DesatError
 from desat.system.options import Options
+from tests.conftest import slow_after
 
 GEO = CraftFacts(
     orbit="geo",
@@ -370,14 +371,16 @@ BOTH = CraftFacts(
 
 @pytest.mark.parametrize(
     ("changes", "days"),
-    [
-        ({}, 4),
-        pytest.param({"dump": "both every 1d"}, 6, marks=pytest.mark.study),
-        pytest.param({"rods": "0.006Am2"}, 8, marks=pytest.mark.study),
-        pytest.param(
-            {"pointing": "sun", "rods": "0.01Am2"}, 5, marks=pytest.mark.study
-        ),
-    ],
+    slow_after(
+        1,
+        [
+            ({}, 4),
+            ({"dump": "both every 1d"}, 6),
+            ({"rods": "0.006Am2"}, 8),
+            ({"pointing": "sun", "rods": "0.01Am2"}, 5),
+        ],
+        "study",
+    ),
 )
 def test_thrusters_dump_what_rods_leave_as_it_flies(tmp_path, changes, days):
     write(tmp_path / "mine", replace(BOTH, **changes), "")
