@@ -20,7 +20,7 @@
   const references = []; // flights that are kept, drawn pale beside the one of now
   const MOST_KEPT = told.dashes.length - 1;
   let own = null; // a table of the reader's: {name, times, columns, text}
-  let dragged = null; // the limit under the pointer, {i, k}
+  let dragged = null; // the limit under the pointer, {i, k}, and the range of y that its chart keeps meanwhile
   let pulled = null; // where it was dragged to, until its flight has come: {i, k, value}
   let model = null; // of the flight that was asked for: {id, line, text}
   let charts = [];
@@ -330,7 +330,7 @@
       grip.onpointerdown = (e) => {
         e.preventDefault();
         grip.focus({ preventScroll: true });
-        dragged = { i, k };
+        dragged = { i, k, range: [plot.scales.y.min, plot.scales.y.max] };
       };
       grip.onkeydown = (e) => {
         const way = { ArrowUp: 1, ArrowDown: -1 }[e.key];
@@ -349,7 +349,11 @@
     const { plot } = charts[dragged.i];
     pull(dragged.i, dragged.k, plot.posToVal(e.clientY - plot.over.getBoundingClientRect().top, "y"));
   });
-  for (const end of ["pointerup", "pointercancel"]) document.addEventListener(end, () => { dragged = null; });
+  for (const end of ["pointerup", "pointercancel"]) document.addEventListener(end, () => {
+    if (!dragged) return;
+    dragged = null;
+    draw();
+  });
   function placeGrips(i) {
     const { plot, levels } = charts[i];
     charts[i].grips?.forEach((grip, k) => {
@@ -379,6 +383,7 @@
       width: place.clientWidth, height: tall(i),
       scales: { x: { time: false, range: () => [told.start, shown.end] }, y: { distr: of.log ? 3 : 1,
         range: (u, low, high) => {
+          if (dragged?.i === i) return dragged.range;
           if (low === null) return [0, 1];
           if (of.log) return uPlot.rangeLog(low, high, 10, false);
           const size = Math.max(Math.abs(low), Math.abs(high));  // a constant differs by its rounding
