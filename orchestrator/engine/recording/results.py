@@ -223,10 +223,10 @@ class Results:
         name = getattr(self._file, "filename", None)
         return Path(name).parent if name else None
 
-    def __reduce__(self) -> Any:
+    def __reduce_ex__(self, protocol: Any) -> Any:
         """Pickle and copy series of a file as its folder, which is opened again."""
         if self.folder is None:
-            return object.__reduce_ex__(self, 2)
+            return super().__reduce_ex__(protocol)
         return Results.open, (self.folder, self._rows)
 
     def once(self, key: str, make: Callable[[], T]) -> T:
