@@ -351,8 +351,11 @@ def test_a_run_gives_its_series_in_every_form(tmp_path) -> None:
     assert np.array_equal(means[:-1], run["torquers.m_mean_body"][:, 2])
     assert np.isnan(means.iloc[-1])
     assert len(run) == len([*run.values()]) == len(dict(run.items())) == len([*run])
-    for whole in (run, library.run(DAY, stop=60.0)):  # in a file, and in memory
-        for duplicate in (pickle.loads(pickle.dumps(whole)), copy.deepcopy(whole)):
+    for original in (run, library.run(DAY, stop=60.0)):  # in a file, and in memory
+        for duplicate in (
+            pickle.loads(pickle.dumps(original)),
+            copy.deepcopy(original),
+        ):
             assert duplicate.to_xarray().equals(pickle.loads(pickle.dumps(run.data)))
     assert library.export(tmp_path / "a", "csv") == [tmp_path / "a" / "series.csv"]
     assert run.write_report() == tmp_path / "a" / "report.html"
