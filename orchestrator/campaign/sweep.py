@@ -111,6 +111,10 @@ class Sweep:
     titles: Mapping[str, str] = field(default_factory=dict)
     axis_titles: Mapping[str, tuple[str, str]] = field(default_factory=dict)
 
+    def __len__(self) -> int:
+        """Return the number of combinations."""
+        return len(self.points)
+
     @property
     def holds(self) -> bool:
         """Return whether a combination holds."""

@@ -52,7 +52,7 @@ from .validation import kept_every
 
 if TYPE_CHECKING:
     from pandas import DataFrame  # type: ignore[import-untyped]
-    from xarray import Dataset
+    from xarray import DataArray, Dataset
 
     from ..figures.canvas import Figure
 
@@ -147,13 +147,14 @@ class Run:
         """Return the names of the series."""
         return list(self)
 
-    def values(self) -> Iterator[Array]:
+    def values(self) -> Iterator[DataArray]:
         """Return the series, as `run[name]` has them."""
-        return (self[name] for name in self)
+        return (series for _, series in self.items())
 
-    def items(self) -> Iterator[tuple[str, Array]]:
+    def items(self) -> Iterator[tuple[str, DataArray]]:
         """Return the series with their names."""
-        return ((name, self[name]) for name in self)
+        data = self.data
+        return ((name, self._series(data, name)) for name in self)
 
     def __len__(self) -> int:
         """Return the number of series."""
@@ -172,15 +173,17 @@ class Run:
         return series == "time" or series in self.results.names()
 
     @overload
-    def __getitem__(self, series: str) -> Array: ...
+    def __getitem__(self, series: str) -> DataArray: ...
     @overload
     def __getitem__(self, series: list[str]) -> Dataset: ...
-    def __getitem__(self, series: str | list[str]) -> Array | Dataset:
-        """Return a series `component.variable`: (rows,) or (rows, elements), its unit.
+    def __getitem__(self, series: str | list[str]) -> DataArray | Dataset:
+        """Return a series `component.variable` over time as an xarray DataArray.
 
-        "time" are the times of the rows (s). Means over steps have a row less. It is a
-        numpy array: `run.data[name]` has dimensions and times, too, as has the xarray
-        Dataset of several names.
+        Its elements have labels, and its unit is an attribute (see `data`). A value
+        that holds until the next step, and a mean over a step, has a row less than
+        there are times. `.values` is the numpy array; `run["time"].values` are the
+        times (s). xarray joins by time what is added or compared: changes from row to
+        row are `.diff("time")`. Several names give a Dataset.
 
         Raises
         ------
@@ -195,9 +198,12 @@ class Run:
                 )
         if not isinstance(series, str):
             return self.data[series]
-        if series == "time":
-            return self.results.times()
-        return np.asarray(self.results.values(series))
+        return self._series(self.data, series)
+
+    def _series(self, data: Dataset, name: str) -> DataArray:
+        """Return a series of the data set without the row that holds no value."""
+        array = data[name]
+        return array if name == "time" else array[: self.results.count(name)].load()
 
     def to_dataframe(self) -> DataFrame:
         """Return all series as a table over `time [s]`.

@@ -8,11 +8,13 @@ import datetime
 import doctest
 import json
 import math
+import os
 import pickle
 import re
 import shlex
 from fractions import Fraction
 from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -151,9 +153,12 @@ def test_series_of_a_kind_share_their_dimension() -> None:
     assert len(frame) == 61 * 4
     frame = ds.to_dataframe()
     assert len(frame) == 61
-    assert frame["wheels.h_wheel[2]"].tolist() == run["wheels.h_wheel"][:, 1].tolist()
+    assert (
+        frame["wheels.h_wheel[2]"].tolist()
+        == run["wheels.h_wheel"][:, 1].values.tolist()
+    )
     means = frame["torquers.m_mean_body[z]"]
-    assert means.tolist()[:-1] == run["torquers.m_mean_body"][:, 2].tolist()
+    assert means.tolist()[:-1] == run["torquers.m_mean_body"][:, 2].values.tolist()
     assert math.isnan(means.iloc[-1])
 
 
@@ -272,7 +277,7 @@ def test_values_are_given_as_programs_have_them(value, is_nested) -> None:
     name = "h_start_wheel"
     sets = {"wheels": {name: value}} if is_nested else {f"wheels.{name}": value}
     run = library.run(DAY, sets, stop=2.0)
-    assert run["wheels.h_wheel"][0].tolist() == [1e-3, 2e-3, 3e-3, 0.0]
+    assert run["wheels.h_wheel"][0].values.tolist() == [1e-3, 2e-3, 3e-3, 0.0]
 
 
 def test_numbers_of_numpy_are_numbers() -> None:
@@ -365,8 +370,27 @@ def test_a_run_gives_its_series_in_every_form(tmp_path) -> None:
     assert again["manager.mode"].attrs["choices"].startswith("idle, ")
     stored_run = library.load(tmp_path / "a")
     assert isinstance(stored_run, library.Run)
-    assert stored_run["wheels.h_wheel"].tolist() == run["wheels.h_wheel"].tolist()
+    assert (
+        stored_run["wheels.h_wheel"].values.tolist()
+        == run["wheels.h_wheel"].values.tolist()
+    )
     assert stored_run.numbers.equals(run.numbers)
+
+
+def test_the_page_of_python_works_as_it_says(tmp_path, monkeypatch) -> None:
+    page = (ROOT / "docs" / "python.md").read_text()
+    (snippet,) = re.findall(r"```python\n(.*?)```", page, re.S)
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    exec(snippet, names)
+    held, means = (
+        names["run"]["manager.m_cmd_body"],
+        names["run"]["torquers.m_mean_body"],
+    )
+    assert (held.shape, means.shape) == ((600, 3), (600, 3))  # without a nan
+    assert held.time[-1] == 599.0
+    assert means.interval[-1] == 599.5
+    assert {"momentum.svg", "page", "runs", "my12u"} <= {*os.listdir()}
 
 
 @pytest.mark.parametrize(
@@ -381,7 +405,7 @@ def test_a_run_gives_its_series_in_every_form(tmp_path) -> None:
 def test_a_time_is_that_of_any_library(stop) -> None:
     """None is ignored, and one without its unit is none."""
     run = library.run(DAY, stop=stop, step=np.float32(0.5), every=np.int64(2))
-    assert run["time"].tolist() == [*map(float, range(61))]
+    assert run["time"].values.tolist() == [*map(float, range(61))]
     assert run.manifest.step == 0.5
     if not isinstance(stop, str):  # what `run` makes plain is refused elsewhere
         with pytest.raises(DesatError, match="a time in s is needed"):
@@ -486,7 +510,7 @@ def test_a_class_is_a_source() -> None:
     )
     m = mine["manager.m_cmd_body"]
     assert m.any()
-    assert m == pytest.approx(ours["manager.m_cmd_body"], rel=1e-12)
+    assert m.values == pytest.approx(ours["manager.m_cmd_body"].values, rel=1e-12)
 
 
 @pytest.mark.parametrize(
