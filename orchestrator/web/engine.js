@@ -419,7 +419,7 @@ class Flight {
     return { lines, limits: limitsOfFullest(this.law, this.table) };
   }
 
-  // What this flight leaves for a model of those with other dumps (`modelled`): the attitude, and the
+  // What this flight leaves for a model of others (`modelled`): the attitude, and the
   // momentum that the wheels would hold without dumps, eci; null where there is no such model.
   free() {
     const { dumps, managed } = this.law;
@@ -428,7 +428,15 @@ class Flight {
     const q = this.columns[managed.series.q];
     const momentum = new Float64Array(known.without.data);
     for (let k = 0; k <= this.made; k++) turn(q, k, momentum, momentum, 1);
-    return { law: this.law, table: this.table, q, momentum };
+    return { law: this.law, table: this.table, q, momentum, errors: this.errors() };
+  }
+
+  // What sensors add to the momentum of each wheel (rows, wheels): noise by its seed, whatever is moved.
+  errors() {
+    const measured = this.columns[this.law.dumps.measured], wheels = this.columns[this.law.managed.series.copy];
+    const errors = new Float64Array(wheels.length);
+    if (measured) for (let i = 0; i < measured.length; i++) errors[i] = measured[i] - wheels[i];
+    return errors;
   }
 
   // The numbers of the law, by name.
@@ -460,43 +468,90 @@ class Flight {
   }
 }
 
-// Turn vector k of `from` into that of `to`: body to eci (sign 1) or back (-1), C(q)' v = v + w t + u x t
-// with t = 2 u x v.
-function turn(q, k, from, to, sign) {
+// Turn vector k of `from` (or `at`) into that of `to` by attitude k: body to eci (sign 1) or back (-1),
+// C(q)' v = v + w t + u x t with t = 2 u x v.
+function turn(q, k, from, to, sign, at = k) {
   const a = sign * q[4 * k], b = sign * q[4 * k + 1], c = sign * q[4 * k + 2], w = q[4 * k + 3];
-  const i = 3 * k, x = from[i], y = from[i + 1], z = from[i + 2];
+  const i = 3 * at, x = from[i], y = from[i + 1], z = from[i + 2];
   const p = 2 * (b * z - c * y), r = 2 * (c * x - a * z), s = 2 * (a * y - b * x);
   to[i] = x + w * p + b * s - c * r;
   to[i + 1] = y + w * r + c * p - a * s;
   to[i + 2] = z + w * s + a * r - b * p;
 }
 
-// The fullest wheel where only dumps differ from a flight that was (`Flight.free`), by the sum of what
-// the disturbances leave, and the times of its dumps; null where something else differs.
-function modelled(told, law, moved, { table: before, q, momentum }) {
+// The momentum without dumps (rows, 3; N m s, eci) with the parameters of `table` in place of those of a
+// flight that was (`Flight.free`): dumps change nothing of it, wheels at the start add a constant, and a
+// parameter of `disturbances` adds what it does to the craft of the scenario. null where another one differs.
+function withMoved(told, law, table, { table: before, q, momentum }) {
   const { dumps, managed } = law;
+  const { parameters, spacing } = dumps.disturbances;
+  const ofDumps = (name) => [dumps.begin, dumps.end, dumps.pulse].includes(name) || name.startsWith(`${dumps.thrusters}.`);
+  const changed = (one, other) =>
+    Object.keys(one).filter((name) => !ofDumps(name) && name !== dumps.start && String(one[name]) !== String(other[name]));
+  const names = changed(table, before);
+  const isKnown = (name) => name in parameters;
+  if (!names.every(isKnown) || (names.length && !changed(before, law.values).every(isKnown))) return null;
+  const sum = new Float64Array(momentum), change = (name, i) => table[name][i] - before[name][i];
+  if (dumps.start in table) {
+    const axes = table[managed.of.axes], wheels = axes.length / 3, added = [0, 0, 0];
+    axes.forEach((x, i) => { added[Math.floor(i / wheels)] += x * change(dumps.start, i % wheels); });
+    turn(q, 0, added, added, 1);
+    for (let i = 0; i < sum.length; i++) sum[i] += added[i % 3];
+  }
+  for (const name of names) {
+    const each = decoded(parameters[name]), size = each.length / table[name].length;
+    const nodes = new Float64Array(size);
+    table[name].forEach((_, e) => { for (let i = 0; i < size; i++) nodes[i] += change(name, e) * each[e * size + i]; });
+    for (let k = 0; 3 * k < sum.length; k++) {
+      const at = Math.min((k * told.step) / spacing, size / 3 - 1), n = Math.min(Math.floor(at), size / 3 - 2);
+      for (let j = 0; j < 3; j++) sum[3 * k + j] += nodes[3 * n + j] + (at - n) * (nodes[3 * n + 3 + j] - nodes[3 * n + j]);
+    }
+  }
+  return sum;
+}
+
+const decodings = new Map();
+function decoded(base64) {
+  if (!decodings.has(base64)) {
+    decodings.set(base64, new Float32Array(Uint8Array.from(atob(base64), (c) => c.charCodeAt(0)).buffer));
+  }
+  return decodings.get(base64);
+}
+
+// The fullest wheel with moved parameters, by the sum of what the disturbances leave in a flight that was
+// (`Flight.free`), and the times of its dumps; null where the model does not know what they change.
+function modelled(told, law, moved, free) {
+  const { dumps, managed } = law, { q, errors } = free;
   const table = tableOf(law, moved);
-  const free = (name) => [dumps.begin, dumps.end].includes(name) || name.startsWith(`${dumps.thrusters}.`);
-  if (Object.keys(table).some((name) => !free(name) && String(table[name]) !== String(before[name]))) return null;
-  const [begin, end] = [table[dumps.begin], table[dumps.end]];
+  const momentum = withMoved(told, law, table, free);
+  if (!momentum) return null;
+  const [begin, end, pulse] = [dumps.begin, dumps.end, dumps.pulse].map((name) => table[name]);
   const rows = momentum.length / 3, times = [], line = new Float64Array(rows);
-  const inside = new Float64Array(momentum), gone = [0, 0, 0], inverse = managed.inverse.flat();
+  const inside = new Float64Array(rows * 3), gone = [0, 0, 0], inverse = managed.inverse.flat();
+  const wheels = errors.length / rows, axes = table[managed.of.axes], seen = [0, 0, 0];
   for (let k = 0; k < rows; k++) { // without arrays of a row: a move is answered while it goes on
     const i = 3 * k;
-    let square = 0, fullest = 0;
-    for (let j = 0; j < 3; j++) {
-      inside[i + j] = momentum[i + j] - gone[j];
-      square += inside[i + j] ** 2;
-    }
+    let fullest = 0, fill = 0;
+    for (let j = 0; j < 3; j++) inside[i + j] = momentum[i + j] - gone[j];
     turn(q, k, inside, inside, -1);
-    for (let w = 0; w < inverse.length; w += 3) {
-      const h = inverse[w] * inside[i] + inverse[w + 1] * inside[i + 1] + inverse[w + 2] * inside[i + 2];
+    for (let w = 0; w < wheels; w++) {
+      const h = inverse[3 * w] * inside[i] + inverse[3 * w + 1] * inside[i + 1] + inverse[3 * w + 2] * inside[i + 2];
       fullest = Math.max(fullest, Math.abs(h));
+      fill = Math.max(fill, Math.abs(h + errors[k * wheels + w]));
     }
-    const fill = dumps.of_wheels ? fullest : Math.sqrt(square);
     line[k] = managed.scale * fullest;
-    if (fill < begin) continue;
-    for (let j = 0; j < 3; j++) gone[j] += (momentum[i + j] - gone[j]) * (1 - end / fill);
+    if (dumps.of_wheels && fill < begin) continue;
+    for (let j = 0; j < 3; j++) {
+      seen[j] = inside[i + j];
+      for (let w = 0; w < wheels; w++) seen[j] += axes[j * wheels + w] * errors[k * wheels + w];
+    }
+    if (!dumps.of_wheels && (fill = Math.hypot(...seen)) < begin) continue;
+    for (let j = 0; j < 3; j++) { // in whole pulses about each axis of the body
+      seen[j] *= 1 - end / fill;
+      if (pulse[j]) seen[j] = pulse[j] * Math.round(seen[j] / pulse[j]);
+    }
+    turn(q, k, seen, seen, 1, 0);
+    for (let j = 0; j < 3; j++) gone[j] += seen[j];
     times.push(told.start + k * told.step);
   }
   return { line, times };

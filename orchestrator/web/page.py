@@ -56,6 +56,7 @@ from ..system.parameters import unit_of
 from ..system.typed import JsonObject
 from ..system.wheels import axes_of, existing, smallest_capacity
 from . import module
+from .dump_model import dumps_of, measured_of
 from .script import numpy_source, script
 from .sliders import Slider, asked_of, parts_of, refused, usual, usual_of
 from .values import Expression, expression, follows, names_of, numbers_of, reached
@@ -369,6 +370,8 @@ def _series(law: _LawSystem) -> set[str]:
             series_needed.add(f"{parts.wheels}.h_wheel")
     if ends := content.stop_when:
         series_needed.add(ends.signal)
+    if applies(law.system) and (momenta := measured_of(law.system)):
+        series_needed.add(momenta)
     series_needed |= {*_check_series(_checks(law.system))}
     series_needed |= {*_view_sources(law.system).values()}
     return series_needed & there
@@ -454,13 +457,14 @@ def _law(
     parameters = {
         name for of in expressions if isinstance(of, dict) for name in names_of(of)
     }
-    parameters |= {name for name, _ in slots} | {t for s in sliders for t in s.targets}
+    targets = {t for s in sliders for t in s.targets}
+    parameters |= {name for name, _ in slots} | targets
     parameters |= {f["name"] for f in law.ordered} | {
         v for n in numbers for v in n["own"].values()
     }
     parameters |= {*managed["values"]} if managed else set()
-    dumps = _dumps(law.system) if managed else None
-    parameters |= {dumps["begin"], dumps["end"]} if dumps else set()
+    dumps = dumps_of(law.system, targets) if managed else None
+    parameters |= {dumps[k] for k in ("begin", "end", "pulse")} if dumps else set()
     ends, view = _ends(law), _view(law.system)
     if ends and isinstance(ends["limit"], dict):
         parameters |= {*names_of(ends["limit"])}
@@ -883,27 +887,6 @@ def _managed(law: _LawSystem) -> JsonObject | None:
         "required": {
             k: r for k in management.TITLES if (r := _required(law.content, k))
         },
-    }
-
-
-def _dumps(system: System) -> JsonObject | None:
-    """Return the parameters of dumps between thresholds, for a model of their course.
-
-    None where dumps wait, come by the calendar or leave something in the wheels.
-    """
-    if not applies(system):
-        return None
-    manager = system.components["manager"]
-    values = manager.values
-    others = ("aligned", "period", "latest", "h_null")
-    lists = (*values["windows"], *values["h_target_body"])
-    if manager.choice("by") != "thrusters" or any((*lists, *map(values.get, others))):
-        return None
-    return {
-        "begin": f"{manager.name}.begin",
-        "end": f"{manager.name}.end",
-        "of_wheels": manager.choice("fill") == "wheels",
-        "thrusters": system.roles["thrusters"].name,
     }
 
 

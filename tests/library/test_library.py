@@ -383,12 +383,12 @@ def test_the_page_of_python_works_as_it_says(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}
     exec(snippet, names)
-    held, means = (
+    commands, means = (
         names["run"]["manager.m_cmd_body"],
         names["run"]["torquers.m_mean_body"],
     )
-    assert (held.shape, means.shape) == ((600, 3), (600, 3))  # without a nan
-    assert held.time[-1] == 599.0
+    assert (commands.shape, means.shape) == ((600, 3), (600, 3))  # without a nan
+    assert commands.time[-1] == 599.0
     assert means.interval[-1] == 599.5
     assert {"momentum.svg", "page", "runs", "my12u"} <= {*os.listdir()}
 

@@ -414,20 +414,35 @@ def test_a_craft_that_dumps_by_thrusters_has_the_standard_numbers_on_its_page(
         assert numbers["left_rms"] < 0.8 * numbers["unmanaged_rms"]
 
 
-@pytest.mark.study
+LEVER = "spacecraft.offset_plates_body"
+
+
 @needs_zig
 @pytest.mark.parametrize(
     ("wheels", "stop", "moves"),
-    [
-        ("4 pyramid 50Nms", 60.0, {"manager.begin": 18.0}),
-        ("4 pyramid 50Nms", 60.0, {"manager.end": 12.0, "thrusters.thrust": 5.0}),
-        ("6 pyramid 25Nms", 40.0, {"manager.begin": 9.0}),
-    ],
+    slow_after(
+        1,
+        [
+            (
+                "4 pyramid 50Nms",
+                12.0,
+                {LEVER: 0.4, "wheels.h_start_wheel": 6.0, "manager.begin": 12.0},
+            ),
+            ("4 pyramid 50Nms", 60.0, {LEVER: 0.1, "manager.begin": 25.0}),
+            ("4 pyramid 50Nms", 60.0, {"manager.begin": 18.0}),
+            ("4 pyramid 50Nms", 60.0, {"manager.end": 12.0, "thrusters.thrust": 5.0}),
+            ("6 pyramid 25Nms", 40.0, {"manager.begin": 9.0}),
+        ],
+        "study",
+    ),
 )
 def test_the_model_of_a_page_says_at_once_what_the_loop_then_shows(
     desat, tmp_path, wheels, stop, moves
 ):
-    """Dumps of other thresholds, from the flight before; of another craft it is silent."""
+    """Dumps of other thresholds, arms and starts, from the flight before.
+
+    Of another craft it is silent.
+    """
     line = shlex.split(GEO.replace("4 pyramid 50Nms", wheels))
     desat("new", "craft", "c", *line, check=True, cwd=tmp_path)
     laws = {"threshold": Options(stop=stop * 86400.0)}
@@ -442,7 +457,7 @@ flight.begin(0, {});
 while (flight.some());
 const free = flight.free(), { law } = flight, began = performance.now();
 const answer = modelled(told0, law, moved, free), seconds = (performance.now() - began) / 1e3;
-const other = modelled(told0, law, { ...moved, "spacecraft.offset_plates_body": 0.5 }, free);
+const other = modelled(told0, law, moved, { ...free, table: { ...free.table, "spacecraft.inertia": 0 } });
 flight.begin(0, moved);
 while (flight.some());
 const told = { seconds, other, times: answer.times, numbers: flight.numbers(),
@@ -452,9 +467,11 @@ const told = { seconds, other, times: answer.times, numbers: flight.numbers(),
     assert result["other"] is None
     assert result["seconds"] < 1.0
     times, numbers = result["times"], result["numbers"]
-    assert len(times) == numbers["dumps"] > 1
+    assert abs(len(times) - numbers["dumps"]) <= 1 < len(times)
+    assert times[0] / 3600.0 == pytest.approx(numbers["first_dump"], rel=1e-3)
     between = (times[-1] - times[0]) / (len(times) - 1) / 3600.0
-    assert between == pytest.approx(numbers["between_dumps"], rel=0.01)
+    # a dump whose last pulse noise decides may come a ripple of a quarter of a day apart
+    assert between == pytest.approx(numbers["between_dumps"], rel=0.015)
     assert result["largest"][0] == pytest.approx(result["largest"][1], rel=0.02)
 
 

@@ -330,7 +330,8 @@
       grip.onpointerdown = (e) => {
         e.preventDefault();
         grip.focus({ preventScroll: true });
-        dragged = { i, k, range: [plot.scales.y.min, plot.scales.y.max] };
+        // of where it began: a sentence of more lines may push the chart down meanwhile
+        dragged = { i, k, range: [plot.scales.y.min, plot.scales.y.max], top: plot.over.getBoundingClientRect().top };
       };
       grip.onkeydown = (e) => {
         const way = { ArrowUp: 1, ArrowDown: -1 }[e.key];
@@ -347,7 +348,7 @@
   document.addEventListener("pointermove", (e) => { // of the page: a chart that is made anew has other grips
     if (!dragged) return;
     const { plot } = charts[dragged.i];
-    pull(dragged.i, dragged.k, plot.posToVal(e.clientY - plot.over.getBoundingClientRect().top, "y"));
+    pull(dragged.i, dragged.k, plot.posToVal(e.clientY - dragged.top, "y"));
   });
   for (const end of ["pointerup", "pointercancel"]) document.addEventListener(end, () => {
     if (!dragged) return;
