@@ -90,7 +90,10 @@ def _column(folder: Path, name: str, cases: Any) -> Callable[[Any], Any]:
             raise DesatError(
                 f"{folder}: case {missing[0]} no longer exists: load the campaign again"
             )
-        return column.loc[cases].to_numpy()[key]
+        values = column.loc[cases].to_numpy()
+        if str(table.schema.field(name).type).startswith("list"):
+            values = np.array(["; ".join(each) for each in values], dtype=object)
+        return values[key]
 
     return read
 

@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 from ..language.content import content_of, overridden_by
@@ -96,7 +97,7 @@ class SweepPoint:
         return entry
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Sweep:
     """System at every combination of some parameters' values."""
 
@@ -110,6 +111,14 @@ class Sweep:
     requirements: Mapping[str, Requirement] = field(default_factory=dict)
     titles: Mapping[str, str] = field(default_factory=dict)
     axis_titles: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        axes = " x ".join(f"{len(values)} {name}" for name, values in self.axes.items())
+        answer = f". {self.answer}" if self.answer else ""
+        return f"<Sweep {self.scenario}: {axes}{answer}>"
+
+    def _repr_html_(self) -> str:
+        return f"<p>{escape(repr(self))}</p>{self.numbers.to_html()}"
 
     def __len__(self) -> int:
         """Return the number of combinations."""
@@ -159,6 +168,10 @@ class Sweep:
             ]
         )
 
+    def to_dataframe(self) -> DataFrame:
+        """Return the table of `numbers`."""
+        return self.numbers
+
     def to_xarray(self) -> Dataset:
         """Return the numbers as an xarray Dataset over the parameters.
 
@@ -173,6 +186,9 @@ class Sweep:
         numbers: Dataset = self.numbers.set_index(list(self.axes)).to_xarray()
         for number, values_of_number in numbers.data_vars.items():
             values_of_number.attrs["units"] = self.units.get(str(number), "")
+        for name in self.axes:
+            title, unit = self.axis_titles.get(name, ("", ""))
+            numbers[name].attrs.update(units=unit, long_name=title)
         return numbers
 
     def to_json(self) -> JsonObject:

@@ -15,7 +15,7 @@ from ..system.errors import DesatError, require
 from ..system.interface import base_name
 from ..system.model import J2000, Fmu, Values
 from ..system.options import Options
-from ..system.parameters import parse_assignment
+from ..system.parameters import OPTIONS, parse_assignment, target_of, with_date
 from . import craft, library, own, paths, ssp
 from .draft import SHARED, Assignment, Draft
 from .replacement import adopt_shared, replace_fmu
@@ -245,9 +245,11 @@ def _option_values(
         typed = text.partition("=")[2].strip()
         yield Assignment(owner, name, value, f"--set {text}", typed)
     for key, value in options.values.items():
-        owner, _, name = key.partition(".")
-        origin = draw_origins.get(key, key)
-        yield Assignment(owner, name, value, origin, subject=draw_origins.get(key, ""))
+        owner, name = target_of(key)
+        if owner in OPTIONS:
+            raise DesatError(f"sets: {key}: it is an argument: {owner}={value!r}")
+        origin, subject = draw_origins.get(key, key), draw_origins.get(key, "")
+        yield Assignment(owner, name, with_date(name, value), origin, subject=subject)
 
 
 def _check_open(draft: Draft, assignment: Assignment) -> None:

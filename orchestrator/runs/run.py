@@ -29,8 +29,9 @@ from ..engine.recording.row_buffer import Layout, RowBuffer
 from ..files import library
 from ..language.content import content_of
 from ..numbers.shapes import LONG
+from ..numbers.text import spell_unit
 from ..numbers.verdicts import describe_verdicts, judge
-from ..system.errors import DesatError, Exit, RunError, nearest
+from ..system.errors import DesatError, Exit, RunError, UnknownSeriesError, nearest
 from ..system.model import System
 from ..system.options import Options, as_arguments, from_json
 from ..system.schedule import schedule
@@ -100,7 +101,7 @@ class Run:
         """Return the scenario's numbers by name as a table.
 
         Its columns are title, value, unit, limit as text, and whether the limit is met
-        (None where there is none).
+        (both missing where there is none).
         """
         from pandas import DataFrame
 
@@ -114,11 +115,17 @@ class Run:
                 judged[name].met,
             )
             if name in judged
-            else (number.title, number.value, number.unit, "", None)
+            else (number.title, number.value, number.unit, None, None)
             for name, number in self.manifest.numbers.items()
         }
         columns = ["title", "value", "unit", "limit", "met"]
-        return DataFrame.from_dict(rows, orient="index", columns=columns)
+        frame = DataFrame.from_dict(rows, orient="index", columns=columns)
+        return frame.astype({"met": "boolean"})  # so that `~frame.met` is a selection
+
+    @property
+    def folder(self) -> Path | None:
+        """Return the folder of the run; None: its series are in memory."""
+        return self.results.folder
 
     @property
     def data(self) -> Dataset:
@@ -186,13 +193,13 @@ class Run:
 
         Raises
         ------
-        DesatError
-            If there is no such series.
+        UnknownSeriesError
+            If there is no such series: a DesatError and a KeyError.
         """
         names = self.results.names()
         for name in [series] if isinstance(series, str) else series:
             if name not in self:
-                raise DesatError(
+                raise UnknownSeriesError(
                     f"{self.manifest.scenario}: no series {name}{nearest(name, names)}"
                 )
         if not isinstance(series, str):
@@ -265,7 +272,7 @@ class Run:
     def __repr__(self) -> str:
         manifest = self.manifest
         number_texts = [
-            f"{n}={x.value:.4g} {x.unit}"
+            f"{n}={x.value:.4g} {spell_unit(x.unit)}".rstrip()
             for n, x in list(manifest.numbers.items())[:SHOWN]
             if x.value is not None
         ]

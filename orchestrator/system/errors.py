@@ -62,6 +62,12 @@ class MisfitError(DesatError):
         self.keys = keys
 
 
+class UnknownSeriesError(DesatError, KeyError):
+    """A name that a run has no series of."""
+
+    __str__ = Exception.__str__  # that of KeyError is in quotes
+
+
 class RunError(DesatError):
     """A run that did not complete: a component failed, or it was stopped."""
 

@@ -84,7 +84,8 @@ def product(text: str, parameters: Table) -> tuple[float, Unit]:
             try:
                 number, own_unit = _scalar(name, parameters)
             except DesatError as error:
-                raise DesatError(f'"{text}": {error}') from error
+                reason = str(error).removeprefix(f"{text}: ")
+                raise DesatError(f'"{text}": {reason}') from error
         if operator == "/":
             if number == 0.0:
                 raise DesatError(f'"{text}": {name} is 0')

@@ -10,6 +10,7 @@ import re
 import sys
 import tomllib
 from collections.abc import Sequence
+from datetime import UTC, date, datetime
 from typing import Any, cast
 
 from desat.components.contract import units
@@ -19,7 +20,12 @@ from desat.fmus.registry import block_class
 
 from .errors import DesatError, nearest
 from .interface import Interface, Signal
-from .model import Component
+from .model import J2000, Component
+
+# component and variable that `epoch` stands for
+EPOCH = ("shared", "epoch_j2000")
+# what a scenario has as keys, and a run as options
+OPTIONS = ("stop", "step")
 
 
 def unit_of(text: str) -> Unit:
@@ -373,10 +379,37 @@ def parse_assignment(text: str) -> tuple[str, str, Any]:
         If the text has another form.
     """
     target, equals, right = text.partition("=")
-    component, dot, name = target.strip().partition(".")
-    if not (equals and dot and component and name and right.strip()):
+    component, name = target_of(target.strip())
+    if component in OPTIONS:
+        raise DesatError(f"--set {text}: it is an option: --{component} {right}")
+    if not (equals and component and name and right.strip()):
         raise DesatError(f"--set {text}: the form is COMPONENT.VARIABLE=VALUE")
-    return component, name, parse_value(right.strip())
+    return component, name, with_date(name, parse_value(right.strip()))
+
+
+def target_of(name: str) -> tuple[str, str]:
+    """Return component and variable of a name; `epoch` is that of all components."""
+    if name == "epoch":
+        return EPOCH
+    component, _, variable = name.partition(".")
+    return component, variable
+
+
+def with_date(name: str, value: Any) -> Any:
+    """Return the value of a variable: of a date as an epoch its seconds since J2000."""
+    if name != EPOCH[1]:
+        return value
+    if isinstance(value, str):
+        try:
+            value = datetime.fromisoformat(value)
+        except ValueError:
+            return value
+    elif isinstance(value, date) and not isinstance(value, datetime):
+        value = datetime(value.year, value.month, value.day)
+    if not isinstance(value, datetime):
+        return value
+    utc = value if value.tzinfo else value.replace(tzinfo=UTC)
+    return (utc - J2000).total_seconds()
 
 
 def as_text(value: Any, typed: str, count: int) -> Any:

@@ -7,6 +7,7 @@ mappings of a component's values. None of these packages is imported for it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from datetime import date, timedelta
 from functools import wraps
 from numbers import Integral, Real
 from typing import Any, ParamSpec, TypeVar
@@ -88,7 +89,19 @@ def _flattened(sets: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def _plain(name: str, value: Any) -> Any:
-    """Convert a value: an array to lists, a number of numpy to one of Python."""
+    """Convert a value: an array to lists, a number of numpy to one of Python.
+
+    A duration is a text with its unit, a date one of ISO 8601.
+    """
+    kind = type(value).__name__
+    if kind == "timedelta64":
+        value = value.astype("timedelta64[us]").item()
+    elif kind == "datetime64":
+        value = plain_argument(value)
+    if isinstance(value, timedelta):  # also one of pandas
+        return f"{value.total_seconds()!r} s"
+    if isinstance(value, date):
+        return value.isoformat()
     labels: Any = getattr(value, "index", None)
     if hasattr(labels, "tolist") and hasattr(value, "tolist"):  # a Series
         return _by_labels(name, labels.tolist(), value.tolist())

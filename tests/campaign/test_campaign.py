@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.special import ndtr
 from scipy.stats import spearmanr
 
@@ -853,7 +854,7 @@ def test_wrong_words_are_one_line(desat, tmp_path, arguments, text):
     assert len(lines) == 1, result.stderr
 
 
-def test_a_campaign_is_a_data_set(full_campaign):
+def test_a_campaign_is_a_data_set(full_campaign, tmp_path):
     ds = desat.load(full_campaign)
     table = store.read(full_campaign)
     assert ds.sizes["case"] == COUNT
@@ -862,6 +863,8 @@ def test_a_campaign_is_a_data_set(full_campaign):
     assert ds["out.rate"].attrs["units"] == "deg/s"
     assert ds["status"][3].item() == table["status"][3].as_py()
     assert len(ds.to_dataframe()) == COUNT
+    ds.to_netcdf(tmp_path / "cases.nc")
+    assert xr.open_dataset(tmp_path / "cases.nc").equals(ds.load())
     curves = desat.load(full_campaign, curves=True)
     assert curves["curve.momentum"].shape == (COUNT, 200)
     assert ds["in.wheels.h_start_wheel[1]"].attrs["units"] == "N.m.s"

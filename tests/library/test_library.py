@@ -54,8 +54,8 @@ def test_what_is_required_stands_beside_its_number(tmp_path) -> None:
     write(tmp_path / "mine", CraftFacts(size="12U"), "")
     frame = library.run(str(tmp_path / "mine"), stop=600.0).numbers
     assert frame.loc["pointing", "limit"] == "at most 0.2"
-    assert frame.loc["pointing", "met"] is True
-    assert frame.loc["final_momentum", "met"] is None
+    assert frame.loc["pointing", "met"]
+    assert frame.loc["final_momentum", "met"] is pd.NA
 
 
 def test_sources_are_a_mapping_or_texts() -> None:
@@ -193,7 +193,11 @@ def test_runs_are_taken_where_targets_are() -> None:
 
 def test_sweeps_and_sizings_have_tables() -> None:
     axes = {"manager.gain": [1e-3, 2e-3], "torquers.m_limit": [1.0, 2.0]}
-    answer = library.sweep(DAY, axes, stop=60.0).to_xarray()
+    sweep = library.sweep(DAY, axes, stop=60.0)
+    assert len(sweep) == len(sweep.to_dataframe()) == 4
+    assert len(repr(sweep)) < 200
+    answer = sweep.to_xarray()
+    assert answer["manager.gain"].attrs["units"] == "1/s"
     assert dict(answer.sizes) == {"manager.gain": 2, "torquers.m_limit": 2}
     assert answer["pointing"].attrs["units"] == "deg"
     row = answer["pointing"].sel({"manager.gain": 2e-3, "torquers.m_limit": 1.0})
@@ -377,6 +381,59 @@ def test_a_run_gives_its_series_in_every_form(tmp_path) -> None:
     assert stored_run.numbers.equals(run.numbers)
 
 
+@pytest.mark.parametrize(
+    "epoch",
+    [
+        *("2026-03-20T12:00", "2026-03-20T12:00:00Z", pd.Timestamp("2026-03-20T12:00")),
+        *(np.datetime64("2026-03-20T12:00"), np.datetime64("2026-03-20T12:00", "ns")),
+        *(pd.Timestamp("2026-03-20T14:00", tz="Africa/Cairo"), 827280000.0),
+    ],
+    ids=repr,
+)
+@pytest.mark.parametrize("name", ["epoch", "shared.epoch_j2000"])
+def test_a_flight_is_at_the_date_that_is_given(name, epoch) -> None:
+    flight = library.run(DAY, {name: epoch}, stop=2.0)
+    assert flight.data.attrs["epoch"] == "2026-03-20T12:00:00+00:00"
+
+
+@pytest.mark.parametrize(
+    "duration",
+    [
+        *(pd.Timedelta("20s"), datetime.timedelta(seconds=20)),
+        *(np.timedelta64(20, "s"), np.timedelta64(20_000_000_000, "ns")),
+    ],
+    ids=repr,
+)
+def test_a_duration_is_a_value_in_its_unit(duration) -> None:
+    flight = library.run(DAY, {"manager.sample_time": duration}, stop=60.0)
+    assert flight.manifest.parameters["manager"]["sample_time"].value == 20.0
+    with pytest.raises(DesatError, match=r"s is no unit of manager\.gain"):
+        library.run(DAY, {"manager.gain": duration}, stop=60.0)
+
+
+@pytest.mark.parametrize("name", ["stop", "step"])
+def test_arguments_among_the_values_are_named(name) -> None:
+    with pytest.raises(DesatError, match=f"sets: {name}: it is an argument: {name}=2"):
+        library.run(DAY, {name: 2})
+
+
+def test_numbers_without_a_requirement_are_told_from_those_with_one(tmp_path) -> None:
+    library.new(tmp_path / "c", size="12U", altitude=500e3, inclination=0.9, rods=0.2)
+    numbers = library.run(tmp_path / "c", {"manager.gain": 1e-9}, stop=6000.0).numbers
+    with_limit = numbers.dropna(subset=["limit"])
+    assert list(with_limit.index) == ["pointing", "largest_momentum", "coil_duty"]
+    assert numbers[~numbers.met].index.isin(with_limit.index).all()
+    assert numbers.met.isna().sum() == len(numbers) - len(with_limit)
+
+
+def test_an_unknown_series_is_a_key_error() -> None:
+    flight = library.run(DAY, stop=2.0)
+    with pytest.raises(KeyError) as error:
+        flight["wheels.h_weel"]
+    assert isinstance(error.value, DesatError)
+    assert "did you mean wheels.h_wheel?" in str(error.value)
+
+
 def test_the_page_of_python_works_as_it_says(tmp_path, monkeypatch) -> None:
     page = (ROOT / "docs" / "python.md").read_text()
     (snippet,) = re.findall(r"```python\n(.*?)```", page, re.S)
@@ -413,14 +470,14 @@ def test_a_time_is_that_of_any_library(stop) -> None:
 
 
 def test_numbers_and_dates_of_any_library_are_taken(tmp_path) -> None:
-    swept = library.sweep(
+    sweep = library.sweep(
         "integrated/mil-nadir",
         {"manager.gain": np.array([1e-3])},
         stop=np.int64(10),
         samples=np.int64(2),
         seed=np.int64(3),
     )
-    assert json.dumps(swept.to_json())
+    assert json.dumps(sweep.to_json())
     craft = library.new(
         tmp_path / "c",
         size="12U",
@@ -467,9 +524,9 @@ def test_what_commands_do_programs_do(tmp_path, monkeypatch) -> None:
         library.check(DAY, {"manager.gain": -1.0})
     least = library.bound("uosat12/table3-ocdc-ilqr-1")
     assert 0.0 < least.least <= least.seconds
-    swept = library.sweep(DAY, {"manager.gain": np.array([1e-3, 2e-3])}, stop=60.0)
-    assert swept.numbers.shape[0] == 2
-    assert swept.numbers["pointing"].notna().all()
+    sweep = library.sweep(DAY, {"manager.gain": np.array([1e-3, 2e-3])}, stop=60.0)
+    assert sweep.numbers.shape[0] == 2
+    assert sweep.numbers["pointing"].notna().all()
     monkeypatch.chdir(tmp_path)
     cases = library.campaign(DAY, 2, stop=20.0)
     assert cases.sizes["case"] == 2
