@@ -28,9 +28,9 @@ test: .venv/.installed ## lint, types and all tests but those of test-slow and s
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow and not study"
 
 test-slow: fmus ## the tests that take long
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m slow
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "slow and not study"
 
-studies: fmus ## tests that fly for weeks or predict what flew: before a release, and where a change is of sizing or dumps
+studies: fmus ## tests that fly for weeks, walk through long pages or build the site: before a release, and where a change is of them
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m study
 
 check: .venv/.installed ## lint, types, and blocks within what translates to C

@@ -279,7 +279,7 @@ def test_a_loop_learns_the_friction():
 # --- the reference and the blocks -----------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.parametrize(
     ("name", "values", "least_order"),
     [

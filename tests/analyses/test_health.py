@@ -389,7 +389,7 @@ def test_the_predictive_law_is_told_what_the_sensors_have(tmp_path, desat):
 # --- detumbling -----------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.parametrize(
     "inputs",
     [

@@ -169,7 +169,7 @@ def test_it_replays_a_run_with_its_bits(tmp_path, target, user, samples):
     assert sample_count > 1000 or user
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_a_plan_has_room_for_the_samples_that_are_asked_for(tmp_path, desat):
     """The stack follows, and a longer horizon is refused."""
     name, stacks = "manager_receding_horizon", []

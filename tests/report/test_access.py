@@ -19,7 +19,7 @@ COMMANDS = (
 )
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_pages_are_for_keyboards_and_screen_readers_too(browser, desat, tmp_path):
     """A page of each kind, light and dark, all of it opened and as it comes."""
     axe = pytest.importorskip("axe_playwright_python", reason="no axe-core")

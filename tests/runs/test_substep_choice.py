@@ -92,7 +92,7 @@ def holds(manifest, error):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.parametrize("name", CASES)
 def test_auto_on_the_gyrostats(name):
     (error, _), manifest = fly(f"gyrostat/{name}", substeps=AUTO)

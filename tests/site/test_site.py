@@ -31,7 +31,7 @@ from pathlib import Path
 import matplotlib
 import pytest
 
-from tests.conftest import ROOT
+from tests.conftest import ROOT, slow_value
 
 DOCS = ROOT / "docs"
 SCRIPTS = [
@@ -39,6 +39,7 @@ SCRIPTS = [
     *sorted((DOCS / "tutorials").glob("[0-9]*.md")),
     *sorted((DOCS / "understand").glob("[a-z]*.md")),
 ]
+LONG = ("2-geo", "3-law", "5-campaign", "8-from-telemetry-to-a-craft")
 FIRST = [ROOT / "README.md", DOCS / "index.md", *SCRIPTS]
 BLOCK = re.compile(
     r"^```(?:\{code-block\} )?(shell|python|text)[^\n]*\n(?::caption: (\S+)\n\n?)?(.*?)^```$",
@@ -167,7 +168,11 @@ def cache(tmp_path_factory) -> Path:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", SCRIPTS, ids=lambda p: p.stem)
+@pytest.mark.parametrize(
+    "page",
+    [slow_value(p, "study") if p.stem in LONG else p for p in SCRIPTS],
+    ids=lambda p: p.stem,
+)
 def test_a_page_does_what_it_says(page, cache, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
@@ -260,7 +265,7 @@ def find_linked_pages(html: Path) -> set[str]:
     return page_names
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_the_site_builds_in_a_minute_every_page_is_reached_and_none_needs_a_network(
     tmp_path,
 ):

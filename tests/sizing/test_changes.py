@@ -13,6 +13,7 @@ from desat.begin.facts import CraftFacts
 from desat.sizing import dumps, sizing
 from desat.sizing.requirements import SizingRequirements
 from desat.system.options import Options
+from tests.conftest import slow_after
 
 ALONE = SizingRequirements(flown=False, year=False, laws=False)
 GEO = CraftFacts(
@@ -37,10 +38,14 @@ def cubesat(tmp_path_factory):
 
 @pytest.mark.parametrize(
     ("name", "factor", "pattern"),
-    [
-        ("torquers.m_limit", 0.05, r"Rods of (\S+) A m2 would do"),
-        ("wheels.speed_limit", 0.2, r"Wheels of (\S+) mN m s each would do"),
-    ],
+    slow_after(
+        1,
+        [
+            ("torquers.m_limit", 0.05, r"Rods of (\S+) A m2 would do"),
+            ("wheels.speed_limit", 0.2, r"Wheels of (\S+) mN m s each would do"),
+        ],
+        "study",
+    ),
 )
 def test_what_would_do_does(cubesat, name, factor, pattern):
     first = size_rods(cubesat)
@@ -70,6 +75,7 @@ def geo(tmp_path_factory):
     return folder
 
 
+@pytest.mark.study
 def test_a_longer_slew_does(geo):
     slew = replace(ALONE, slew_angle=radians(30.0), slew_time=60.0)
     short = size_dumps(geo, slew)
@@ -79,6 +85,7 @@ def test_a_longer_slew_does(geo):
     assert not size_dumps(geo, longer).problems
 
 
+@pytest.mark.study
 def test_an_earlier_dump_does(geo):
     short = size_dumps(geo, **{"manager.begin": 19.9})
     match = re.search(r"Dumps that begin at (\S+) % of a wheel", short.change)

@@ -35,7 +35,6 @@ from desat.sizing.dumps import size as size_dumps
 from desat.sizing.requirements import SizingRequirements
 from desat.system.errors import DesatError
 from desat.system.options import Options
-from tests.conftest import slow_after
 
 GEO = CraftFacts(
     orbit="geo",
@@ -239,6 +238,7 @@ def test_thrusters_hold_the_attitude_in_a_dump(tmp_path):
     assert sizing.loop["pointing_largest"] < 0.5
 
 
+@pytest.mark.study
 def test_wheels_that_are_not_known_widen_the_time_between_dumps(tmp_path):
     ratios = []
     for wheels in ("4 pyramid 50Nms", "4 pyramid 50Nms +-80%", None):
@@ -305,7 +305,7 @@ def test_a_craft_whose_dumps_wait_keeps_its_attitude(tmp_path):
     assert "Time between two dumps, mean, momentum that a dump takes out" in str(row[0])
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_rates_are_of_the_weeks_between_dumps(tmp_path):
     """Its first dump comes after a week; node and Sun move meanwhile."""
     facts = replace(
@@ -324,7 +324,7 @@ def test_rates_are_of_the_weeks_between_dumps(tmp_path):
     assert short.steady.first == pytest.approx(long.steady.first, rel=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_the_numbers_of_a_sentence_are_of_one_condition(tmp_path):
     write(tmp_path / "c", LOW, "")
     found = size_dumps(str(tmp_path / "c"), Options(), SizingRequirements(flown=False))
@@ -339,6 +339,7 @@ def test_the_numbers_of_a_sentence_are_of_one_condition(tmp_path):
     assert least <= mean <= most
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(("rods", "suffice"), [("0.5", True)])
 def test_a_craft_with_rods_and_thrusters_is_told_which_suffices(
     tmp_path, desat, rods, suffice
@@ -369,18 +370,15 @@ BOTH = CraftFacts(
 )
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(
     ("changes", "days"),
-    slow_after(
-        1,
-        [
-            ({}, 4),
-            ({"dump": "both every 1d"}, 6),
-            ({"rods": "0.006Am2"}, 8),
-            ({"pointing": "sun", "rods": "0.01Am2"}, 5),
-        ],
-        "study",
-    ),
+    [
+        ({}, 4),
+        ({"dump": "both every 1d"}, 6),
+        ({"rods": "0.006Am2"}, 8),
+        ({"pointing": "sun", "rods": "0.01Am2"}, 5),
+    ],
 )
 def test_thrusters_dump_what_rods_leave_as_it_flies(tmp_path, changes, days):
     write(tmp_path / "mine", replace(BOTH, **changes), "")
@@ -406,6 +404,7 @@ def test_thrusters_dump_what_rods_leave_as_it_flies(tmp_path, changes, days):
     assert share in sizing.answer
 
 
+@pytest.mark.study
 def test_rods_that_suffice_leave_the_thrusters_nothing(tmp_path):
     write(tmp_path / "mine", replace(BOTH, rods="0.1Am2"), "")
     craft = size_dumps(
@@ -444,7 +443,7 @@ def test_coils_work_all_the_time_beside_thrusters():
     assert block.dumped == pytest.approx(0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.parametrize("dump", ["thrusters 70:10", None])
 def test_what_is_computed_after_a_run_takes_less_than_its_flight(tmp_path, dump):
     """A month of a craft with rods and thrusters: no programme over all its samples."""
@@ -689,7 +688,7 @@ def test_the_model_is_within_5_percent_of_the_closed_loop(tmp_path):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_wheels_of_the_weekly_capacity_dump_once_a_week(sizing, tmp_path):
     """50 N m s dump 0.918 times a week, so that 45.9 N m s dump once."""
     assert sizing.weekly == pytest.approx(45.9, rel=0.05)

@@ -49,6 +49,7 @@ def log_of(folder, times):
     return read_log(file, None)
 
 
+@pytest.mark.study
 def test_the_size_of_an_offset_is_found(craft, tmp_path):
     system, _ = resolved(str(craft), Options())
     log = log_of(tmp_path, dates_of(craft, FACTOR))

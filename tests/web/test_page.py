@@ -344,7 +344,7 @@ def alike(page_flight: dict[str, Any], run: Run, within: float) -> list[str]:
 
 @needs_node
 @needs_zig
-@pytest.mark.parametrize("law", slow_after(1, [0, 1]))
+@pytest.mark.parametrize("law", slow_after(1, [0, 1], "study"))
 @pytest.mark.parametrize(
     "slider_values", [slow_value({}), MOVED], ids=["as it is", "moved"]
 )
@@ -387,8 +387,8 @@ def test_a_flight_is_that_of_a_run_with_what_follows_from_sliders(
 @needs_zig
 @pytest.mark.parametrize(
     ("start", "wheels"),
-    [(0.0, 4), (38.0, 4), (38.0, 6)],
-    ids=["fills", "dumps", "six wheels"],
+    slow_after(1, [(38.0, 6), (0.0, 4), (38.0, 4)], "study"),
+    ids=["six wheels", "fills", "dumps"],
 )
 def test_a_craft_that_dumps_by_thrusters_has_the_standard_numbers_on_its_page(
     desat, tmp_path, start, wheels
@@ -496,7 +496,7 @@ CONDITIONS = {
 
 @needs_node
 @needs_zig
-@pytest.mark.parametrize("kind", slow_after(1, CONDITIONS))
+@pytest.mark.parametrize("kind", slow_after(1, CONDITIONS, "study"))
 def test_a_flight_ends_where_the_run_ends(craft, tmp_path, kind):
     """By `stop_when`, as the scenario has it and with a slider moved."""
     name, condition, slider_values = CONDITIONS[kind]
@@ -936,7 +936,7 @@ def test_a_value_stands_once_on_a_command_line():
     [
         {"torquers.m_limit": 1e6},
         {"wheels.speed_limit": 90000.0},
-        {"torquers.m_limit": 1e-7},
+        slow_value({"torquers.m_limit": 1e-7}, "study"),
     ],
 )
 def test_a_page_warns_of_unusual_values_as_a_run_does(
@@ -1027,7 +1027,7 @@ def lines_alike(
         ({}, ""),
         ({"wheels.h_start_wheel": 14.9}, "was at its speed limit for"),
         ({"spacecraft.residual_dipole_body": 5.0}, "the attitude was lost: "),
-        ({"manager.gain": 1e-9}, "it does nothing"),
+        slow_value(({"manager.gain": 1e-9}, "it does nothing"), "study"),
     ],
     ids=["as it is", "full wheels", "lost attitude", "no effect"],
 )
@@ -1080,7 +1080,7 @@ FIRINGS = {
 
 @needs_node
 @needs_zig
-@pytest.mark.parametrize("kind", FIRINGS)
+@pytest.mark.parametrize("kind", slow_after(1, FIRINGS, "study"))
 def test_a_page_warns_of_thrusters_as_a_run_does(tmp_path, kind):
     inputs, options, text = FIRINGS[kind]
     target = tmp_path / "c"
@@ -1139,7 +1139,7 @@ class Tab:
 
 @pytest.mark.slow
 @needs_zig
-@pytest.mark.parametrize("law", ["cross product", *LAWS])
+@pytest.mark.parametrize("law", slow_after(1, ["cross product", *LAWS], "study"))
 def test_an_arrow_on_a_slider_stays_in_the_range_of_the_law(
     browser, usual_page, desat, tmp_path, law
 ):
