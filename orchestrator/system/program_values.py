@@ -6,6 +6,7 @@ mappings of a component's values. None of these packages is imported for it.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from datetime import date, timedelta
 from functools import wraps
@@ -16,6 +17,16 @@ from .errors import DesatError
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+# Options of the command in its messages, and the arguments that have other names.
+_OPTION = re.compile(r"(?<![\w-])--?([a-z][a-z0-9-]*)\b")
+ARGUMENTS = {
+    "set": "sets",
+    "source": "sources",
+    "curve": "curves",
+    "out": "folder",
+    "n": "count",
+}
 
 # Labels that a Series of n elements may have besides 0 to n - 1 and 1 to n.
 LETTERS = {3: ("x", "y", "z"), 4: ("x", "y", "z", "w")}
@@ -40,15 +51,31 @@ def plain_argument(value: Any) -> Any:
 
 
 def with_plain_arguments(function: Callable[P, R]) -> Callable[P, R]:
-    """Return a function that takes numbers and dates of any library."""
+    """Return a function that takes numbers and dates of any library.
+
+    Its errors name arguments where those of the command name options.
+    """
 
     @wraps(function)
     def call(*arguments: P.args, **options: P.kwargs) -> R:
         """Call the function with Python's own numbers and dates."""
         plain = {name: plain_argument(value) for name, value in options.items()}
-        return function(*map(plain_argument, arguments), **plain)
+        try:
+            return function(*map(plain_argument, arguments), **plain)
+        except DesatError as error:
+            error.args = tuple(
+                _OPTION.sub(_argument_of, x) if isinstance(x, str) else x
+                for x in error.args
+            )
+            raise
 
     return call
+
+
+def _argument_of(option: re.Match[str]) -> str:
+    """Return the argument that stands for an option of the command."""
+    name = option[1]
+    return ARGUMENTS.get(name, name.replace("-", "_"))
 
 
 def plain_values(sets: Mapping[str, Any]) -> dict[str, Any]:

@@ -417,6 +417,24 @@ def test_arguments_among_the_values_are_named(name) -> None:
         library.run(DAY, {name: 2})
 
 
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: library.run(DAY, stop=-5.0), "stop -5, "),
+        (lambda: library.run(DAY, sources={"manager": "no.fmu"}), "sources manager="),
+        (lambda: library.new(os.curdir, size="12U"), "it exists; force writes"),
+        (lambda: library.cases(DAY, 3, "c", curves=["no"]), "curves no: no plot"),
+        (lambda: library.new("x", residual_dipole="1,2"), "residual_dipole 1,2: "),
+    ],
+)
+def test_messages_are_in_the_words_of_python(call, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(DesatError) as error:
+        call()
+    assert message in str(error.value)
+    assert "--" not in str(error.value)
+
+
 def test_numbers_without_a_requirement_are_told_from_those_with_one(tmp_path) -> None:
     library.new(tmp_path / "c", size="12U", altitude=500e3, inclination=0.9, rods=0.2)
     numbers = library.run(tmp_path / "c", {"manager.gain": 1e-9}, stop=6000.0).numbers
