@@ -22,10 +22,11 @@ fmus: .venv/.installed ## build the FMUs of all blocks into fmus/dist/; PLATFORM
 ssp: fmus ## write the SSD of every craft; .ssp files are packed on demand: desat pack [NAME]
 	@$(BIN)/desat pack --ssd | grep -v ": current" || true
 
+TESTS ?= not slow and not study
 test: .venv/.installed ## lint, types and all tests but those of test-slow and studies
 	@$(BIN)/python -m compileall -q orchestrator components fmus
 	@$(MAKE) --no-print-directory -j2 check fmus
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow and not study"
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "$(TESTS)"
 
 test-slow: fmus ## the tests that take long
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "slow and not study"

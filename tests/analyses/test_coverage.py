@@ -367,7 +367,7 @@ def case(request):
     return request.param, truth, single, error_estimate, scenario_case.warnings
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_a_case_of_the_exchange(case):
     name, truth, single, error_estimate, warnings = case
     was, error_bound = CASES[name]

@@ -86,7 +86,7 @@ def facts_of(row: list[int]) -> CraftFacts:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.parametrize("seed", [1])
 def test_what_is_written_is_sound_and_what_is_refused_leaves_nothing(
     tmp_path: Path, seed: int

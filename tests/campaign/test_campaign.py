@@ -208,7 +208,7 @@ def test_saltelli_has_its_own_counts():
 # --- rows -----------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_a_campaign_of_two_hundred(full_campaign):
     table = store.read(full_campaign)
     assert table["case"].to_pylist() == list(range(COUNT))
@@ -249,7 +249,7 @@ def test_kept_cases_have_their_series(full_campaign):
     assert kept_value == store.read(full_campaign)["out.coil_load"][150].as_py()
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_killed_head_and_killed_worker_lose_nothing(
     full_campaign, own_scenario, tmp_path
 ):
@@ -387,7 +387,7 @@ def test_a_packed_system_has_the_same_case_on_a_worker(
     }
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_clusters_that_do_not_serve(
     own_scenario, full_campaign, tmp_path, monkeypatch, capfd
 ):

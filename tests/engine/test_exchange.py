@@ -103,7 +103,7 @@ def test_scenario_has_the_numbers_of_the_authority():
     )
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.parametrize("name", CASES)
 def test_reference_is_the_authority(name):
     system, _ = prepare(name, Options()).or_raise()

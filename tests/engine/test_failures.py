@@ -1231,7 +1231,7 @@ def test_no_temporary_folder_at_all(desat, tmp_path, monkeypatch):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
 def test_many_runs_in_one_process_leave_nothing():
     """`python -m benchmarks.soak native` makes a thousand."""
@@ -1242,7 +1242,7 @@ def test_many_runs_in_one_process_leave_nothing():
     assert late["memory_kB"] - early["memory_kB"] < 4000
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.parametrize(
     ("environment", "folder"),
     [
@@ -1475,7 +1475,7 @@ def test_room_is_estimated(system, tmp_path, monkeypatch, desat):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_ten_thousand_outputs(tmp_path, binary):
     """They are recorded, all rows of them, also of a run that crashes, and reported."""
     numbers = range(1, 10_001)
@@ -1659,7 +1659,7 @@ def test_budgets_of_archives(tmp_path, monkeypatch):
         library.extract(tmp_path / "link.ssp")
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_check_is_linear(tmp_path):
     """Connectors, none of which there is: eight times as many take about eight times as
     long; where each looked at all others it would be 64 times."""

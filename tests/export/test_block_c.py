@@ -103,9 +103,9 @@ def library(component, folder, inputs, outputs, samples=None):
         ("nadir_day/day-dipole", "", None),
         ("uosat12/table3-ocdc-ilqr-1", "manager", None),
         slow_value(("uosat12/beyond-receding_horizon-ilqr-1", "manager", 60)),
-        slow_value(("hausat2/start-up-ours", "manager", None)),
-        slow_value(("integrated/mil-nadir", "manager", None)),
-        slow_value(("space_telescope/ours-nominal", "manager", None)),
+        slow_value(("hausat2/start-up-ours", "manager", None), "study"),
+        slow_value(("integrated/mil-nadir", "manager", None), "study"),
+        slow_value(("space_telescope/ours-nominal", "manager", None), "study"),
     ],
 )
 def test_it_replays_a_run_with_its_bits(tmp_path, target, user, samples):

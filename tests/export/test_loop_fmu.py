@@ -423,7 +423,7 @@ def test_each_output_says_of_which_time_it_is(desat, tmp_path):
     assert page.index("attitudes that are one step apart") < page.index("| option |")
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.parametrize("third", [False, True])
 def test_a_loop_of_reals_alone_has_no_other_output(tmp_path, third):
     """For hosts that know no other type; what is named and no Real is refused."""

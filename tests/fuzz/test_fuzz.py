@@ -31,7 +31,7 @@ from tests.fuzz.seeds import (
     seeds,
 )
 
-SEED, COUNT, LINES = 1, 1000, 15
+SEED, COUNT, LINES = 1, 1000, 5
 
 
 def test_mutated_files_are_refused_in_lines(tmp_path, capsys):

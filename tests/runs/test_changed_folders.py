@@ -24,7 +24,7 @@ from desat.system.options import Options
 from tests.fuzz import commands
 
 VALUES = (None, 0, "x", [], {})
-TRIED = 12  # changes of each file
+TRIED = 6  # changes of each file
 
 
 @pytest.fixture(scope="module")

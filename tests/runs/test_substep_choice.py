@@ -682,7 +682,7 @@ def test_a_raised_estimate_needs_no_second_flight_below_the_accuracy():
     assert substep_choice._grown(choice, make_extremes(2.0, 1e-3, 1e-3)) is None
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_a_craft_that_loses_its_attitude_runs_and_says_that_it_is_not_resolved(
     tmp_path, monkeypatch
 ):

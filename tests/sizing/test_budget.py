@@ -38,6 +38,7 @@ def sizing(craft):
     return dumps.size(str(craft), Options(), requirements)
 
 
+@pytest.mark.study
 def test_every_format_has_the_numbers(craft, sizing):
     sheet = budget.budget_of(sizing, "abc", craft)
     assert sheet.holds

@@ -74,6 +74,7 @@ def test_what_is_known_has_no_width(tmp_path):
         prepare(read(str(tmp_path / "mine")), Options()).or_raise()
 
 
+@pytest.mark.study
 def test_light_is_in_proportion_to_the_offset(tmp_path):
     """An offset times or divided by 2.1, and plates by 1.3, give dumps as much rarer."""
     facts = CraftFacts(

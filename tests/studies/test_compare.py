@@ -106,7 +106,7 @@ def test_runs_of_other_length_are_warned_of(desat, craft):
     assert "warning: mine ends at 60 s, short at 120 s" in outcome.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_draws_are_compared_in_pairs(desat, craft):
     """The same as of the draws of both, flown one by one."""
     inputs = ["-n", "7", "--stop", "100", "--json", "--jobs", "1"]
@@ -443,7 +443,7 @@ def test_where_all_laws_do_the_plainest_is_named(orbits):
     assert replace(ranking, ranked=(full, *ranking.ranked[1:])).plainest is None
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_laws_are_ranked_over_samples(orbits, desat):
     """Numbers of a sample are those of the run with its values."""
     folder, _ = orbits

@@ -264,7 +264,7 @@ def test_wrong_wishes_are_refused_before_a_run(model, parameter, number, more, l
     assert requests == []
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_the_command_flies_and_says_both(desat, home):
     outcome = desat(
         "tune",
