@@ -239,6 +239,8 @@
   function ask() {
     asked += 1;
     $id("state").textContent = "flying …";
+    $id("fault").textContent = "";
+    answer();
     worker.postMessage({ id: asked, law, moved });
   }
 
@@ -505,11 +507,18 @@
       + `font-family="system-ui, sans-serif" font-size="12" fill="#222">${parts.join("")}</svg>`;
   }
 
-  // The sentence that answers: how full the wheels get, with and without management.
+  // The sentence that answers: how full the wheels get, with and without management; until the flight has
+  // come what the model says, in the same place, so that nothing below moves.
   function answer() {
-    const { managed, ends } = told.laws[shown.law];
     const place = $id("answer");
-    if (!shown.numbers) return place.replaceChildren();
+    if ($id("fault").textContent) return place.replaceChildren();
+    if (shown?.id !== asked || !shown.numbers) {
+      place.className = "note";
+      place.style.minHeight = `${place.offsetHeight}px`;
+      const text = model?.id === asked ? `By the model: ${model.text}; flying …` : "Flying …";
+      return place.replaceChildren(make("b", { textContent: text }));
+    }
+    const { managed, ends } = told.laws[shown.law];
     const titles = titlesOf(shown.law);
     const judged = Object.entries(titles).filter(([name]) => name in shown.numbers)
       .map(([name, t]) => ({ title: t.title, ...t.required, value: shown.numbers[name] }));
@@ -609,7 +618,6 @@
     const since = (t) => `${number((t - told.start) / told.seconds)} ${told.time_unit}`;
     const each = times.length > 1 ? `, then one each ${number((times.at(-1) - times[0]) / (times.length - 1) / told.seconds)} ${told.time_unit}` : "";
     model.text = times.length ? `${times.length} ${times.length > 1 ? "dumps" : "dump"}, the first after ${since(times[0])}${each}` : "no dump";
-    $id("state").textContent = `by the model: ${model.text}; flying …`;
     if (shown) draw();
   }
 
@@ -694,8 +702,8 @@
       const flown = `${span < 3600 ? `${number(span)} s` : `${number(span / told.seconds)} ${told.time_unit}`} in ${data.seconds?.toFixed(2)} s`;
       $id("state").textContent = data.fault ? "" : `flown: ${flown}`;
       document.documentElement.dataset.flown = data.id; // for who waits
-    } else $id("state").textContent = `${model?.id === asked ? `by the model: ${model.text}; ` : ""}flying … ${Math.round((100 * data.done) / told.steps)} %`;
-    if (!data.plots.length) return;
+    } else $id("state").textContent = `flying … ${Math.round((100 * data.done) / told.steps)} %`;
+    if (!data.plots.length) return answer();
     pulled = null;
     shown = { id: data.id, law, moved: { ...moved }, numbers: data.numbers, unmet: data.unmet ?? [], plots: data.plots, handles: data.handles, times: data.times,
       end: data.end, ended: data.ended, view: data.view };
