@@ -14,6 +14,8 @@ from collections.abc import Collection
 
 import numpy as np
 
+from desat.components.blocks.manager_threshold import LAST, SAMPLES
+
 from ..analyses.flight import (
     environment_block,
     flown_at,
@@ -27,6 +29,7 @@ from ..system.errors import DesatError
 from ..system.model import System
 from ..system.typed import JsonObject
 
+DUMP_PARAMETERS = ("begin", "end", "torque", "pulse", "sample")
 NODES_AN_ORBIT = 48  # linear between them: 0.2 % of what an orbit adds and takes away
 ROWS_A_NODE = 10  # that are integrated
 MOST_NODES = 10_000  # 40 bytes each in the page for each element of a parameter
@@ -52,7 +55,11 @@ def dumps_of(system: System, targets: Collection[str]) -> JsonObject | None:
     return {
         "begin": f"{manager.name}.begin",
         "end": f"{manager.name}.end",
+        "torque": f"{manager.name}.torque",
         "pulse": f"{manager.name}.pulse_body",
+        "sample": f"{manager.name}.sample_time",
+        "last": LAST,
+        "samples": SAMPLES,
         "of_wheels": manager.choice("fill") == "wheels",
         "thrusters": system.roles["thrusters"].name,
         "start": "wheels.h_start_wheel",

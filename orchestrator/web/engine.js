@@ -485,7 +485,7 @@ function turn(q, k, from, to, sign, at = k) {
 function withMoved(told, law, table, { table: before, q, momentum }) {
   const { dumps, managed } = law;
   const { parameters, spacing } = dumps.disturbances;
-  const ofDumps = (name) => [dumps.begin, dumps.end, dumps.pulse].includes(name) || name.startsWith(`${dumps.thrusters}.`);
+  const ofDumps = (name) => [dumps.begin, dumps.end, dumps.torque, dumps.pulse].includes(name) || name.startsWith(`${dumps.thrusters}.`);
   const changed = (one, other) =>
     Object.keys(one).filter((name) => !ofDumps(name) && name !== dumps.start && String(one[name]) !== String(other[name]));
   const names = changed(table, before);
@@ -525,10 +525,11 @@ function modelled(told, law, moved, free) {
   const table = tableOf(law, moved);
   const momentum = withMoved(told, law, table, free);
   if (!momentum) return null;
-  const [begin, end, pulse] = [dumps.begin, dumps.end, dumps.pulse].map((name) => table[name]);
-  const rows = momentum.length / 3, times = [], line = new Float64Array(rows);
+  const [begin, end, torque, pulse, sample] = ["begin", "end", "torque", "pulse", "sample"].map((k) => table[dumps[k]]);
+  const rows = momentum.length / 3, times = [], line = new Float64Array(rows), every = Math.round(sample / told.step);
   const inside = new Float64Array(rows * 3), gone = [0, 0, 0], inverse = managed.inverse.flat();
-  const wheels = errors.length / rows, axes = table[managed.of.axes], seen = [0, 0, 0];
+  const wheels = errors.length / rows, axes = table[managed.of.axes], seen = [0, 0, 0], carried = [0, 0, 0];
+  let isDumping = false, near = 0;
   for (let k = 0; k < rows; k++) { // without arrays of a row: a move is answered while it goes on
     const i = 3 * k;
     let fullest = 0, fill = 0;
@@ -540,19 +541,35 @@ function modelled(told, law, moved, free) {
       fill = Math.max(fill, Math.abs(h + errors[k * wheels + w]));
     }
     line[k] = managed.scale * fullest;
-    if (dumps.of_wheels && fill < begin) continue;
+    if (k % every || (dumps.of_wheels && !isDumping && fill < begin)) continue;
     for (let j = 0; j < 3; j++) {
       seen[j] = inside[i + j];
       for (let w = 0; w < wheels; w++) seen[j] += axes[j * wheels + w] * errors[k * wheels + w];
     }
-    if (!dumps.of_wheels && (fill = Math.hypot(...seen)) < begin) continue;
-    for (let j = 0; j < 3; j++) { // in whole pulses about each axis of the body
-      seen[j] *= 1 - end / fill;
-      if (pulse[j]) seen[j] = pulse[j] * Math.round(seen[j] / pulse[j]);
+    const size = Math.hypot(...seen);
+    if (!dumps.of_wheels) fill = size;
+    // a sample of manager_threshold (components/blocks/manager_threshold.py, `dump`)
+    if (isDumping) isDumping = near < dumps.samples && fill > end;
+    else if (fill >= begin) {
+      isDumping = true;
+      near = 0;
+      carried.fill(0);
+      times.push(told.start + k * told.step);
+    }
+    if (!isDumping) continue;
+    const rest = 1 - end / fill, wanted = (size * rest) / sample;
+    near = wanted <= torque ? near + 1 : 0;
+    if (seen.every((h, j) => Math.abs(rest * h) < 0.5 * pulse[j])) near = dumps.samples;
+    const share = (sample * Math.min(torque, Math.max(wanted, dumps.last * torque))) / size;
+    for (let j = 0; j < 3; j++) {
+      const impulse = share * seen[j] + carried[j];
+      const least = Math.min(Math.abs(impulse), Math.abs(rest * seen[j]) + 0.5 * pulse[j]);
+      const fired = pulse[j] ? Math.sign(impulse) * pulse[j] * Math.floor(least / pulse[j]) : impulse;
+      carried[j] = impulse - fired;
+      seen[j] = fired;
     }
     turn(q, k, seen, seen, 1, 0);
     for (let j = 0; j < 3; j++) gone[j] += seen[j];
-    times.push(told.start + k * told.step);
   }
   return { line, times };
 }

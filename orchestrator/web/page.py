@@ -56,7 +56,7 @@ from ..system.parameters import unit_of
 from ..system.typed import JsonObject
 from ..system.wheels import axes_of, existing, smallest_capacity
 from . import module
-from .dump_model import dumps_of, measured_of
+from .dump_model import DUMP_PARAMETERS, dumps_of, measured_of
 from .script import numpy_source, script
 from .sliders import Slider, asked_of, parts_of, refused, usual, usual_of
 from .values import Expression, expression, follows, names_of, numbers_of, reached
@@ -464,7 +464,7 @@ def _law(
     }
     parameters |= {*managed["values"]} if managed else set()
     dumps = dumps_of(law.system, targets) if managed else None
-    parameters |= {dumps[k] for k in ("begin", "end", "pulse")} if dumps else set()
+    parameters |= {dumps[k] for k in DUMP_PARAMETERS} if dumps else set()
     ends, view = _ends(law), _view(law.system)
     if ends and isinstance(ends["limit"], dict):
         parameters |= {*names_of(ends["limit"])}

@@ -467,11 +467,11 @@ const told = { seconds, other, times: answer.times, numbers: flight.numbers(),
     assert result["other"] is None
     assert result["seconds"] < 1.0
     times, numbers = result["times"], result["numbers"]
-    assert abs(len(times) - numbers["dumps"]) <= 1 < len(times)
+    assert len(times) == numbers["dumps"] > 1
     assert times[0] / 3600.0 == pytest.approx(numbers["first_dump"], rel=1e-3)
     between = (times[-1] - times[0]) / (len(times) - 1) / 3600.0
-    # a dump whose last pulse noise decides may come a ripple of a quarter of a day apart
-    assert between == pytest.approx(numbers["between_dumps"], rel=0.015)
+    # where a peak of the day passes the threshold by a hair, a dump comes half a day apart
+    assert between == pytest.approx(numbers["between_dumps"], rel=0.01)
     assert result["largest"][0] == pytest.approx(result["largest"][1], rel=0.02)
 
 
