@@ -19,7 +19,8 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 # Options of the command in its messages, and the arguments that have other names.
-_OPTION = re.compile(r"(?<![\w-])--?([a-z][a-z0-9-]*)\b")
+# What stands in backticks is a command to type.
+_OPTION = re.compile(r"`[^`]*`|(?<![\w-])(?:--([a-z][a-z0-9-]+)|-(n))\b")
 ARGUMENTS = {
     "set": "sets",
     "source": "sources",
@@ -74,7 +75,9 @@ def with_plain_arguments(function: Callable[P, R]) -> Callable[P, R]:
 
 def _argument_of(option: re.Match[str]) -> str:
     """Return the argument that stands for an option of the command."""
-    name = option[1]
+    name = option[1] or option[2]
+    if name is None:
+        return option[0]
     return ARGUMENTS.get(name, name.replace("-", "_"))
 
 

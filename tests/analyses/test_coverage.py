@@ -409,7 +409,7 @@ def craft(draw):
     }
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @given(craft())
 @settings(max_examples=20)
 def test_the_estimate_of_any_craft(values):

@@ -178,7 +178,7 @@ def test_a_sensor_that_a_scenario_has_fail_is_not_told_of(craft, name):
     assert lines({}) == []
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_more_dipole_than_wheels_hold(tmp_path, desat):
     """7 A m2 typed into a craft: `check` and `run` say what `new craft` refuses."""
     desat("new", "craft", str(tmp_path / "six"), "--size", "6U", check=True)

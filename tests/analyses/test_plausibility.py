@@ -439,6 +439,7 @@ def test_a_loop_that_is_poorly_damped_is_told_with_its_damping(tmp_path):
             assert float(damping) == pytest.approx(zeta, abs=0.01)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("momentum", [1.0, 2.0])
 def test_what_the_eigenvalues_say_flies(tmp_path, momentum):
     """A craft of the issue, sampled each second: at a quarter it points, at half it is

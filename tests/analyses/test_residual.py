@@ -327,7 +327,7 @@ JUDGED = range(500, 540)
 """Seeds that no bound was chosen with."""
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_the_bound_tells_craft_apart_that_it_has_not_seen():
     rows = calibration.at_random(JUDGED)
     answer = calibration.summed(rows)

@@ -690,8 +690,8 @@ def test_a_program_gives_numbers_in_si(tmp_path, numbers, texts):
         ({"size": 12}, "size=12: a text as of `desat new craft --size` is needed"),
         ({"mass": [1.0, 2.0]}, "mass=[1.0, 2.0]: a number in kg, or a text"),
         ({"box": ["a", 1, 2]}, "box=['a', 1, 2]: numbers in m, or a text"),
-        ({"mass": math.nan}, "--mass nan kg: a number is needed"),
-        ({"altitude": 450}, "--altitude 450.0 m: 150 to 300000 km are covered"),
+        ({"mass": math.nan}, "mass nan kg: a number is needed"),
+        ({"altitude": 450}, "altitude 450.0 m: 150 to 300000 km are covered"),
         ({"rod": 0.2}, "rod: no fact of a craft; did you mean rods?"),
     ],
 )

@@ -242,7 +242,7 @@ def test_what_cannot_be_is_refused_by_name(
 def test_a_state_cannot_be_kept(tmp_path: Path, library: Path) -> None:
     fmu(tmp_path / "gain.fmu", library)
     with pytest.raises(
-        DesatError, match=r"--checkpoint: a: gain\.fmu cannot save its state"
+        DesatError, match=r"checkpoint: a: gain\.fmu cannot save its state"
     ):
         desat.run(
             str(scenario(tmp_path)), stop=2.0, step=0.25, substeps=1, checkpoint=1.0

@@ -698,7 +698,7 @@ def test_their_ways_to_write_run_to_the_end(
     assert run.manifest.status == "completed"
     assert (run.manifest.steps_done, run.results.values(name)[-1]) == (4, 6.0)
     if "outside" in options:
-        with pytest.raises(DesatError, match=r"no step is given; use --step"):
+        with pytest.raises(DesatError, match=r"no step is given; use step"):
             desat.run(str(file), substeps=1, outside=True)
         with pytest.raises(DesatError, match=r"is outside the folder"):
             desat.run(str(file), substeps=1, step=0.25)

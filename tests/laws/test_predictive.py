@@ -746,6 +746,7 @@ def test_a_slew_that_is_foreseen_takes_less(tmp_path: Path) -> None:
     assert foreseen["pointing"].value == pytest.approx(late["pointing"].value, rel=0.1)
 
 
+@pytest.mark.study
 def test_the_weight_of_standstill_is_what_null_space_momentum_follows(
     tmp_path: Path,
 ) -> None:

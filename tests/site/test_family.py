@@ -157,7 +157,7 @@ def repository(tmp_path_factory):
     return copy
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_a_family_touches_no_existing_file(repository):
     def hashes():
         files = (p for p in repository.rglob("*") if p.is_file() and p.suffix != ".pyc")

@@ -171,13 +171,17 @@ def test_windows_repeat_and_open_when_they_say():
 
 @pytest.mark.parametrize(
     "dump",
-    [
-        "thrusters every 1d",
-        "thrusters 12Nms:0",
-        "thrusters 70:10 within FILE each 1d",
-        "thrusters 70:10 outside FILE each 18h",
-        "thrusters every 2d within FILE each 1d",
-    ],
+    slow_after(
+        1,
+        [
+            "thrusters every 2d within FILE each 1d",
+            "thrusters every 1d",
+            "thrusters 12Nms:0",
+            "thrusters 70:10 within FILE each 1d",
+            "thrusters 70:10 outside FILE each 18h",
+        ],
+        "study",
+    ),
 )
 def test_dumps_by_calendar_and_momentum_are_sized_as_they_fly(tmp_path, dump):
     (tmp_path / "contacts.csv").write_text(CONTACTS)
@@ -572,7 +576,7 @@ def sizing(geo) -> dumps.DumpSizing:
     return dumps.size(geo, Options(), SizingRequirements(flown=False))
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_the_geo_of_the_notes_is_sized_from_one_line(geo):
     """76.9 uN m on 20 March 2027, 71.4 (12 June) to 80.3 (19 February) over the year, 0.918 dumps a
     week, 1.038 kg a year flown and 0.749 at least, by hand-made files and other code.

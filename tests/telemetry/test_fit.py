@@ -258,7 +258,7 @@ def test_a_file_that_cannot_be_changed_alone_stays(text, tmp_path):
     assert not (tmp_path / "craft.toml.bak").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_ten_crafts(craft, tmp_path):
     """Median error of the dipole at most 3 %, ten of ten within three deviations."""
     system, errors = system_of(craft), []
