@@ -35,6 +35,7 @@ from desat.sizing.dumps import size as size_dumps
 from desat.sizing.requirements import SizingRequirements
 from desat.system.errors import DesatError
 from desat.system.options import Options
+from tests.conftest import slow_after
 
 GEO = CraftFacts(
     orbit="geo",
