@@ -30,6 +30,7 @@ PROGRESS = "desat.runs.progress"
 # a command, which leaves few cycles behind.
 COLLECT_AFTER = 50_000
 REPEAT_AFTER = 0.05  # s: a callback of the interpreter or of ctypes has ended by then
+SIGNALS = 3  # stop signals at most that arrive while the first is repeated
 
 
 def _version(print_it: bool) -> None:
@@ -92,9 +93,12 @@ def _repeat_swallowed(unraisable: Any) -> None:
     if number not in stop_signals() or not hasattr(signal, "setitimer"):
         sys.__unraisablehook__(unraisable)
         return
-    # later, because an immediate signal would arrive inside this hook
-    signal.signal(signal.SIGALRM, lambda *_: os.kill(os.getpid(), number))
-    signal.setitimer(signal.ITIMER_REAL, REPEAT_AFTER)
+    for _ in range(SIGNALS):  # another one may arrive in here, and stands for both
+        with suppress(KeyboardInterrupt, SystemExit):
+            # later, because an immediate signal would arrive inside this hook
+            signal.signal(signal.SIGALRM, lambda *_: os.kill(os.getpid(), number))
+            signal.setitimer(signal.ITIMER_REAL, REPEAT_AFTER)
+            return
 
 
 def app_for(words: Sequence[str]) -> typer.Typer:

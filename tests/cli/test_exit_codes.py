@@ -129,8 +129,16 @@ def test_a_signal_to_stop_is_its_exit_code(number):
 
 
 SWALLOWED = """
-import os, sys, time, weakref
+import os, signal, sys, time, weakref
 from desat import cli
+
+def repeat(*given, as_it_is=signal.setitimer):
+    signal.setitimer = as_it_is
+    if {twice}:
+        raise KeyboardInterrupt
+    as_it_is(*given)
+
+signal.setitimer = repeat
 
 def fails(**given):
     thing = set()
@@ -147,11 +155,12 @@ cli.main()
 
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs POSIX")
+@pytest.mark.parametrize("twice", [False, True])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_to_stop_that_python_swallows_comes_again(number):
+def test_a_signal_to_stop_that_python_swallows_comes_again(number, twice):
     """Inside a weakref callback, as each import has one, its exception is printed and
-    ignored."""
-    script = SWALLOWED.format(number=int(number))
+    ignored; a second one may come meanwhile."""
+    script = SWALLOWED.format(number=int(number), twice=twice)
     command = subprocess.run(
         [sys.executable, "-c", script],
         capture_output=True,
