@@ -41,6 +41,8 @@ def options_of(
             f"{unknown[0]}: no option{nearest(unknown[0], option_names)}; values of "
             "components are given as sets={'component.variable': value}"
         )
+    if sets is not None and getattr(sets, "ndim", 0) == 1 and hasattr(sets, "to_dict"):
+        sets = sets.to_dict()  # a row of a table of pandas
     if sets is not None and not isinstance(sets, Mapping):
         raise DesatError(
             f"sets: a {type(sets).__name__} is given; a mapping of 'component.variable' "

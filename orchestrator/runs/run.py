@@ -209,7 +209,8 @@ class Run:
     def _series(self, data: Dataset, name: str) -> DataArray:
         """Return a series of the data set without the row that holds no value."""
         array = data[name]
-        return array if name == "time" else array[: self.results.count(name)].load()
+        rows = array if name == "time" else array[: self.results.count(name)]
+        return rows.load().copy()  # which its user may write to
 
     def to_dataframe(self) -> DataFrame:
         """Return all series as a table over `time [s]`.

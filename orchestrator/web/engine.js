@@ -491,8 +491,10 @@ function withMoved(told, law, table, { table: before, q, momentum }) {
   const names = changed(table, before);
   const isKnown = (name) => name in parameters;
   if (!names.every(isKnown) || (names.length && !changed(before, law.values).every(isKnown))) return null;
+  const starts = dumps.start in table && String(table[dumps.start]) !== String(before[dumps.start]);
+  if (!starts && !names.length) return momentum;
   const sum = new Float64Array(momentum), change = (name, i) => table[name][i] - before[name][i];
-  if (dumps.start in table) {
+  if (starts) {
     const axes = table[managed.of.axes], wheels = axes.length / 3, added = [0, 0, 0];
     axes.forEach((x, i) => { added[Math.floor(i / wheels)] += x * change(dumps.start, i % wheels); });
     turn(q, 0, added, added, 1);
@@ -527,23 +529,24 @@ function modelled(told, law, moved, free) {
   if (!momentum) return null;
   const [begin, end, torque, pulse, sample] = ["begin", "end", "torque", "pulse", "sample"].map((k) => table[dumps[k]]);
   const rows = momentum.length / 3, times = [], line = new Float64Array(rows), every = Math.round(sample / told.step);
-  const inside = new Float64Array(rows * 3), gone = [0, 0, 0], inverse = managed.inverse.flat();
+  const inside = [0, 0, 0], gone = [0, 0, 0], inverse = managed.inverse.flat();
   const wheels = errors.length / rows, axes = table[managed.of.axes], seen = [0, 0, 0], carried = [0, 0, 0];
   let isDumping = false, near = 0;
   for (let k = 0; k < rows; k++) { // without arrays of a row: a move is answered while it goes on
     const i = 3 * k;
     let fullest = 0, fill = 0;
-    for (let j = 0; j < 3; j++) inside[i + j] = momentum[i + j] - gone[j];
-    turn(q, k, inside, inside, -1);
+    for (let j = 0; j < 3; j++) inside[j] = momentum[i + j] - gone[j];
+    turn(q, k, inside, inside, -1, 0);
+    const x = inside[0], y = inside[1], z = inside[2];
     for (let w = 0; w < wheels; w++) {
-      const h = inverse[3 * w] * inside[i] + inverse[3 * w + 1] * inside[i + 1] + inverse[3 * w + 2] * inside[i + 2];
+      const h = inverse[3 * w] * x + inverse[3 * w + 1] * y + inverse[3 * w + 2] * z;
       fullest = Math.max(fullest, Math.abs(h));
       fill = Math.max(fill, Math.abs(h + errors[k * wheels + w]));
     }
     line[k] = managed.scale * fullest;
     if (k % every || (dumps.of_wheels && !isDumping && fill < begin)) continue;
     for (let j = 0; j < 3; j++) {
-      seen[j] = inside[i + j];
+      seen[j] = inside[j];
       for (let w = 0; w < wheels; w++) seen[j] += axes[j * wheels + w] * errors[k * wheels + w];
     }
     const size = Math.hypot(...seen);

@@ -444,6 +444,18 @@ def test_numbers_without_a_requirement_are_told_from_those_with_one(tmp_path) ->
     assert numbers.met.isna().sum() == len(numbers) - len(with_limit)
 
 
+def test_values_may_be_a_row_of_a_table_and_series_are_written_to() -> None:
+    row = pd.DataFrame({"manager.gain": [1e-3, 2e-3]}).loc[1]
+    flight = library.run(DAY, row, stop=2.0)
+    assert flight.manifest.parameters["manager"]["gain"].value == 2e-3
+    first = flight["wheels.h_wheel"]
+    first[:] = 0.0
+    first.values[0] = 1.0
+    assert flight["wheels.h_wheel"][0].values.tolist() != [1.0] * 4
+    with pytest.raises(DesatError, match="sets: a DataFrame is given"):
+        library.run(DAY, pd.DataFrame({"manager.gain": [1e-3]}), stop=2.0)
+
+
 def test_an_unknown_series_is_a_key_error() -> None:
     flight = library.run(DAY, stop=2.0)
     with pytest.raises(KeyError) as error:
