@@ -246,7 +246,7 @@ def _option_values(
         yield Assignment(owner, name, value, f"--set {text}", typed)
     for key, value in options.values.items():
         owner, name = target_of(key)
-        if owner in OPTIONS:
+        if owner in OPTIONS and not name:
             raise DesatError(f"sets: {key}: it is an argument: {owner}={value!r}")
         origin, subject = draw_origins.get(key, key), draw_origins.get(key, "")
         yield Assignment(owner, name, with_date(name, value), origin, subject=subject)

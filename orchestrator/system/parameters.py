@@ -380,7 +380,7 @@ def parse_assignment(text: str) -> tuple[str, str, Any]:
     """
     target, equals, right = text.partition("=")
     component, name = target_of(target.strip())
-    if component in OPTIONS:
+    if component in OPTIONS and not name:
         raise DesatError(f"--set {text}: it is an option: --{component} {right}")
     if not (equals and component and name and right.strip()):
         raise DesatError(f"--set {text}: the form is COMPONENT.VARIABLE=VALUE")

@@ -33,6 +33,7 @@ from desat.components.laws import cross_product
 from desat.components.maths.vector import scale
 from desat.system.errors import DesatError
 from desat.system.options import Options, RunOptions, as_arguments
+from desat.system.parameters import parse_assignment
 from desat.system.program_values import plain_values
 from tests.conftest import ROOT
 
@@ -415,6 +416,9 @@ def test_a_duration_is_a_value_in_its_unit(duration) -> None:
 def test_arguments_among_the_values_are_named(name) -> None:
     with pytest.raises(DesatError, match=f"sets: {name}: it is an argument: {name}=2"):
         library.run(DAY, {name: 2})
+    assert parse_assignment(f"{name}.x=2") == (name, "x", 2)  # of a component
+    with pytest.raises(DesatError, match=f"no component {name}"):
+        library.run(DAY, {f"{name}.x": 2}, stop=2.0)
 
 
 @pytest.mark.parametrize(
